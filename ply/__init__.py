@@ -1,0 +1,1 @@
+"""Shape of a free-hanging ply from the poses of the cups that hold it."""

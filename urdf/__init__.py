@@ -1,0 +1,1 @@
+"""The drape tool as URDF and sidecar, and their generator."""

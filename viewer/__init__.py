@@ -1,0 +1,1 @@
+"""The browser preview of a plan."""
