@@ -1,0 +1,130 @@
+"""How low can one walk: levels of the passes of a height field, and margins from them.
+
+A flood finds, for each sample, the least highest pass on any way from a seed. It sweeps
+the samples forward and backward and lowers each level to what its neighbors offer. A
+level is always that of a real way, hence never too low; once a sweep changes nothing,
+no step of any way can lower one, hence none is too high. Heights above the mold are
+smooth: two to five double sweeps do, several times faster than a heap.
+"""
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+def pass_level(h: Floats, seed: Bools, eight_connected: bool) -> Floats:
+    """Least highest pass on any way from the seed to each sample.
+
+    A way steps from a sample to a neighbor; its level is the largest height on it, both
+    ends included.
+
+    Args:
+        h: Heights, shape (..., nt, ns), in [m].
+        seed: Where ways start, shape (nt, ns) or the shape of `h`.
+        eight_connected: Whether a way may step over corners, or over sides alone.
+
+    Returns:
+        Pass levels, the shape of `h`, in [m]; infinite where there is no seed at all.
+    """
+    rows, columns = h.shape[-2:]
+    field = np.ascontiguousarray(h, dtype=np.float64).reshape(-1, rows, columns)
+    level = np.full((len(field), rows + 2, columns + 2), np.inf)
+    inside = level[:, 1:-1, 1:-1]
+    inside[...] = np.where(seed, h, np.inf).reshape(field.shape)
+    _settle(field, level, eight_connected)
+    return inside.reshape(h.shape)
+
+
+def escape_level(h: Floats) -> Floats:
+    """Height of the lowest place on the best way from each sample to the ply's edge.
+
+    The best way is the one whose lowest place is highest, over sides alone: how wide
+    the ply gapes where trapped air would leave.
+
+    Args:
+        h: Heights, shape (..., nt, ns), in [m].
+
+    Returns:
+        Escape levels, the shape of `h`, in [m].
+    """
+    return -pass_level(-np.asarray(h), edge_mask(h.shape[-2:]), eight_connected=False)
+
+
+def edge_mask(shape: tuple[int, ...]) -> Bools:
+    """Samples on the ply's edge, for a grid of shape (nt, ns)."""
+    edge = np.ones(shape, dtype=bool)
+    edge[1:-1, 1:-1] = False
+    return edge
+
+
+def premature_margins(h: Floats, start: Bools, touch: float, barrier: float) -> Floats:
+    """How far each sample is from touching the mold apart from the start.
+
+    A sample is apart if every way to it from the start leads over a hump that rises by
+    more than `barrier` above both the sample and the touching height. The least margin
+    is at most zero exactly if `front.premature_regions` finds a region.
+
+    Args:
+        h: Heights above the laid state, shape (..., nt, ns), in [m].
+        start: Samples on the start cup's pad, shape (nt, ns).
+        touch: Height up to which a sample touches, in [m].
+        barrier: Height by which a hump separates, in [m].
+
+    Returns:
+        Margins, the shape of `h`, in [m]; infinite where nothing separates.
+    """
+    apart = pass_level(h, start, eight_connected=True) > np.maximum(h, touch) + barrier
+    return np.where(apart, h - touch, np.inf)
+
+
+def air_margins(h: Floats, touch: float, barrier: float) -> Floats:
+    """How far the ply is from closing around each sample.
+
+    A sample lies in a hollow if it is higher, by more than `barrier`, than both the
+    touching height and the lowest place on its best way out. The least margin is at
+    most zero exactly if `front.air_pockets` finds a pocket.
+
+    Args:
+        h: Heights above the laid state, shape (..., nt, ns), in [m].
+        touch: Height up to which a sample touches, in [m].
+        barrier: Height by which a hollow counts, in [m].
+
+    Returns:
+        Margins, the shape of `h`, in [m]; infinite outside hollows.
+    """
+    escape = escape_level(h)
+    hollow = h > np.maximum(escape, touch) + barrier
+    return np.where(hollow, escape - touch, np.inf)
+
+
+@numba.njit(cache=True, nogil=True)
+def _settle(h: Any, level: Any, eight_connected: bool) -> None:  # pragma: no cover
+    """Lower the levels until none can be lowered; they carry an infinite rim."""
+    for k in range(h.shape[0]):
+        back_h, back_level = h[k, ::-1, ::-1], level[k, ::-1, ::-1]
+        _sweep(h[k], level[k], eight_connected)
+        while _sweep(back_h, back_level, eight_connected):
+            if not _sweep(h[k], level[k], eight_connected):
+                break
+
+
+@numba.njit(cache=True, nogil=True)
+def _sweep(h: Any, level: Any, eight_connected: bool) -> bool:  # pragma: no cover
+    """Lower each level to what the neighbors already passed offer; whether any fell."""
+    changed = False
+    for i in range(h.shape[0]):
+        for j in range(h.shape[1]):
+            if level[i + 1, j + 1] > h[i, j]:
+                best = min(level[i + 1, j], level[i, j + 1])
+                if eight_connected:
+                    best = min(best, level[i, j], level[i, j + 2])
+                best = max(best, h[i, j])
+                if best < level[i + 1, j + 1]:
+                    level[i + 1, j + 1] = best
+                    changed = True
+    return changed
