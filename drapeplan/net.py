@@ -1,0 +1,422 @@
+"""Chebyshev nets of cup targets: every two neighbors one pitch apart on the mold.
+
+Rigid ball-ended interlinks and the fibers of the weave both keep their lengths on such
+a net alone, so where the cups go is a fishnet, never a grid in x and y.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from drapeplan.errors import InfeasibleError
+from drapeplan.geodesic import geodesic_net
+from drapeplan.shear import cell_shear, corner_shear, node_shear
+from drapeplan.surfaces import AbstractSurface, Array, Mask, upward_normal
+
+__all__ = [
+    "Links",
+    "Net",
+    "cell_shear",
+    "corner_cosines",
+    "corner_links",
+    "corner_shear",
+    "frame_net",
+    "least_shear_net",
+    "measure_links",
+    "nearest_net",
+    "neighbor_pairs",
+    "node_shear",
+]
+
+Indices = NDArray[np.int64]
+
+EXACT = 1e-9  # [m] link error that a net may keep
+CLOSE = 1e-12  # [m] link error at which Newton stops: float64 noise at a meter
+STILL = 1e-9  # [m] step at which the objective counts as minimal
+ITERATIONS = 60  # 4-15 are usual
+STRIDE = 0.5  # [-] longest step of a cup over the pitch, so that no cell folds
+RIDGE = 1e-13  # [-] keeps redundant links between placed cups solvable
+
+
+@dataclass(frozen=True)
+class Net:
+    """Cup targets on a surface, cup (i, j) at index i * columns + j.
+
+    Attributes:
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+        xy: Plan view of the cup centers, shape (n, 2), in [m].
+        positions: Cup centers, shape (n, 3), in [m].
+        normals: Unit normals of the surface there, upward, shape (n, 3).
+        rotations: Cup frames, columns s, t and n = s x t, shape (n, 3, 3).
+        residual: Largest error of a link's length, in [m].
+        converged: Whether links and objective met their tolerances.
+        shear: Largest shear angle of a corner, in [rad].
+    """
+
+    rows: int
+    columns: int
+    xy: Array
+    positions: Array
+    normals: Array
+    rotations: Array
+    residual: float
+    converged: bool
+    shear: float
+
+
+@lru_cache
+def neighbor_pairs(rows: int, columns: int) -> tuple[Indices, Indices]:
+    """Indices of neighboring cups, in row-major order of the first.
+
+    Args:
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+
+    Returns:
+        Pairs along s, shape (rows * (columns - 1), 2), and pairs along t, shape
+        ((rows - 1) * columns, 2). All links are the first followed by the second.
+    """
+    k = np.arange(rows * columns).reshape(rows, columns)
+    s = np.stack([k[:, :-1].ravel(), k[:, 1:].ravel()], axis=1)
+    t = np.stack([k[:-1].ravel(), k[1:].ravel()], axis=1)
+    s.flags.writeable = t.flags.writeable = False
+    return s, t
+
+
+@lru_cache
+def corner_links(rows: int, columns: int) -> Indices:
+    """Links along s and t that share a cup, one pair for each corner of each cell.
+
+    Args:
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+
+    Returns:
+        Indices into all links, shape (4 * (rows - 1) * (columns - 1), 2).
+    """
+    s = np.arange(rows * (columns - 1)).reshape(rows, columns - 1)
+    t = s.size + np.arange((rows - 1) * columns).reshape(rows - 1, columns)
+    corners = [
+        np.stack([along_s.ravel(), along_t.ravel()], axis=1)
+        for along_s in (s[:-1], s[1:])
+        for along_t in (t[:, :-1], t[:, 1:])
+    ]
+    return np.concatenate(corners)
+
+
+@dataclass(frozen=True)
+class Links:
+    """All links of a net at one shape of it.
+
+    Attributes:
+        pairs: Indices of the cups at their ends, shape (m, 2).
+        chords: From first to second cup, shape (m, 3), in [m].
+        error: Length less the pitch, shape (m,), in [m].
+        jacobian: Derivative of the error by xy, flattened, shape (m, 2 n).
+        tangents: Derivative of the positions by their x and y, shape (n, 2, 3).
+    """
+
+    pairs: Indices
+    chords: Array
+    error: Array
+    jacobian: Array
+    tangents: Array
+
+
+def measure_links(
+    surface: AbstractSurface,
+    xy: Array,
+    rows: int,
+    columns: int,
+    pitch: float,
+    offsets: Array | None = None,
+) -> Links:
+    """Lengths of all links and their derivatives.
+
+    Args:
+        surface: Surface the cups lie on.
+        xy: Plan view of the cups, shape (n, 2), in [m].
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+        pitch: Length the links should have, in [m].
+        offsets: Height of each cup above the surface, shape (n,), in [m].
+
+    Returns:
+        The links.
+    """
+    pairs = np.concatenate(neighbor_pairs(rows, columns))
+    i, j = pairs.T
+    z, zx, zy = surface.evaluate(xy[:, 0], xy[:, 1])
+    points = np.column_stack([xy, z if offsets is None else z + offsets])
+    tangents = np.zeros((len(xy), 2, 3))
+    tangents[:, 0, 0] = tangents[:, 1, 1] = 1
+    tangents[:, 0, 2], tangents[:, 1, 2] = zx, zy
+    chords = points[j] - points[i]
+    length = np.sqrt(np.sum(chords**2, axis=1))
+    unit = (chords / length[:, None])[:, :, None]
+    jacobian = np.zeros((len(pairs), len(xy), 2))
+    link = np.arange(len(pairs))
+    jacobian[link, i] = -(tangents[i] @ unit)[..., 0]
+    jacobian[link, j] = (tangents[j] @ unit)[..., 0]
+    flat = jacobian.reshape(len(pairs), -1)
+    return Links(pairs, chords, length - pitch, flat, tangents)
+
+
+def corner_cosines(
+    links: Links, rows: int, columns: int, pitch: float
+) -> tuple[Array, Array]:
+    """Cosines of the angles between s and t links at all corners, to be zero.
+
+    Args:
+        links: Links at the shape in question.
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+        pitch: Length of the links, in [m].
+
+    Returns:
+        Chord products over the squared pitch, shape (c,), and their derivatives by xy,
+        flattened, shape (c, 2 n), in [1/m].
+    """
+    corners = corner_links(rows, columns)
+    a, b = links.chords[corners[:, 0]], links.chords[corners[:, 1]]
+    value = np.sum(a * b, axis=1) / pitch**2
+    jacobian = np.zeros((len(corners), len(links.tangents), 2))
+    corner = np.arange(len(corners))
+    for own, other in ((0, b), (1, a)):
+        for end, sign in ((0, -1), (1, 1)):
+            cup = links.pairs[corners[:, own], end]
+            slope = (links.tangents[cup] @ other[:, :, None])[..., 0]
+            jacobian[corner, cup] += sign * slope / pitch**2
+    return value, jacobian.reshape(len(corners), -1)
+
+
+def least_shear_net(
+    surface: AbstractSurface,
+    rows: int,
+    columns: int,
+    pitch: float,
+    anchor_xy: tuple[float, float] = (0.0, 0.0),
+    anchor_cup: tuple[int, int] | None = None,
+    warp: float = 0.0,
+) -> Net:
+    """Net with the least sum of squared corner cosines.
+
+    Gauss-Newton on the shear under linearized links. The shear left over is small
+    where the net exists at all, so the neglected curvature costs a linear rate and no
+    more; the links themselves converge quadratically.
+
+    Args:
+        surface: Surface to lie on.
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+        pitch: Straight distance between neighbors, in [m].
+        anchor_xy: Where the anchor lies, x and y in [m].
+        anchor_cup: Row and column of the anchor; None for the mean of all cups.
+        warp: Plan-view direction of the sum of all s links, in [rad].
+
+    Returns:
+        The net, links exact to 1e-9 m.
+
+    Raises:
+        InfeasibleError: No such net was found, or a cup lies off the surface.
+    """
+    center = rows // 2, columns // 2
+    start = _start(surface, rows, columns, pitch, anchor_xy, anchor_cup or center, warp)
+    weights, target = _placement(rows, columns, anchor_xy, anchor_cup, warp)
+    xy, converged = start[:, :2].copy(), False
+    size = xy.size
+    for _ in range(ITERATIONS):
+        links = measure_links(surface, xy, rows, columns, pitch)
+        shear, slope = corner_cosines(links, rows, columns, pitch)
+        rows_a = np.vstack([links.jacobian, weights])
+        values = np.concatenate([links.error, weights @ xy.ravel() - target])
+        scale = pitch**2  # brings the objective to the size of the links
+        kkt = np.zeros((size + len(values), size + len(values)))
+        kkt[:size, :size] = scale * slope.T @ slope
+        kkt[size:, :size], kkt[:size, size:] = rows_a, rows_a.T
+        right = -np.concatenate([scale * slope.T @ shear, values])
+        step = np.linalg.solve(kkt, right)[:size].reshape(-1, 2)
+        if np.max(abs(step)) < STILL and np.max(abs(values)) < CLOSE:
+            converged = True
+            break
+        xy = xy + step * _shorten(step, pitch)
+    net = frame_net(surface, xy, rows, columns, pitch, converged=converged)
+    _require(net, surface)
+    return net
+
+
+def nearest_net(
+    surface: AbstractSurface,
+    previous_xy: Array,
+    rows: int,
+    columns: int,
+    pitch: float,
+    placed: Mask,
+    offsets: Array | None = None,
+) -> Net:
+    """Net nearest to a previous one, with its placed cups pinned.
+
+    Sequential projection: least sum of squared distances in plan view to the previous
+    net, under linearized links. Links between two placed cups are left as they are.
+    A small move needs small multipliers, so the neglected curvature slows the
+    objective only; the links converge quadratically. Never raises: the caller judges
+    the residual.
+
+    Args:
+        surface: Surface to lie on, the lifted one during a wave.
+        previous_xy: Plan view of the previous net, shape (n, 2), in [m].
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+        pitch: Straight distance between neighbors, in [m].
+        placed: Cups that must not move, shape (n,).
+        offsets: Height of each cup above the surface, shape (n,), in [m].
+
+    Returns:
+        The net; its residual counts all links.
+    """
+    previous_xy = np.asarray(previous_xy, float)
+    free = np.flatnonzero(np.repeat(~np.asarray(placed, bool), 2))
+    pairs = np.concatenate(neighbor_pairs(rows, columns))
+    live = ~np.asarray(placed, bool)[pairs].all(axis=1)
+    xy, converged = previous_xy.copy(), len(free) == 0
+    for _ in range(ITERATIONS if len(free) else 0):
+        links = measure_links(surface, xy, rows, columns, pitch, offsets)
+        error, jacobian = links.error[live], links.jacobian[np.ix_(live, free)]
+        back = (previous_xy - xy).ravel()[free]
+        gram = jacobian @ jacobian.T
+        gram[np.diag_indices_from(gram)] *= 1 + RIDGE
+        multipliers = cho_solve(cho_factor(gram), error + jacobian @ back)
+        step = np.zeros_like(xy)
+        step.ravel()[free] = back - jacobian.T @ multipliers
+        if np.max(abs(step)) < STILL and np.max(abs(error), initial=0) < CLOSE:
+            converged = True
+            break
+        xy = xy + step * _shorten(step, pitch)
+    return frame_net(surface, xy, rows, columns, pitch, offsets, converged)
+
+
+def frame_net(
+    surface: AbstractSurface,
+    xy: Array,
+    rows: int,
+    columns: int,
+    pitch: float,
+    offsets: Array | None = None,
+    converged: bool = True,
+) -> Net:
+    """Net with its cup frames, from the plan view of its cups.
+
+    The fiber directions at a cup are the mean of its links, projected on the tangent
+    plane; s and t of the frame split their shear symmetrically.
+
+    Args:
+        surface: Surface the cups lie on.
+        xy: Plan view of the cups, shape (n, 2), in [m].
+        rows: Number of cups along t.
+        columns: Number of cups along s.
+        pitch: Length the links should have, in [m].
+        offsets: Height of each cup above the surface, shape (n,), in [m].
+        converged: What the solver found.
+
+    Returns:
+        The net.
+    """
+    z, zx, zy = surface.evaluate(xy[:, 0], xy[:, 1])
+    positions = np.column_stack([xy, z if offsets is None else z + offsets])
+    n = upward_normal(zx, zy)
+    s, t = (
+        _fiber_directions(positions, n, pairs)
+        for pairs in neighbor_pairs(rows, columns)
+    )
+    middle = _unit(s + t)
+    aside = np.cross(n, middle)
+    rotations = np.stack([middle - aside, middle + aside, n], axis=-1)
+    rotations[:, :, :2] /= np.sqrt(2)
+    pairs = np.concatenate([along_s, along_t])
+    length = np.linalg.norm(positions[pairs[:, 1]] - positions[pairs[:, 0]], axis=1)
+    residual = float(np.max(abs(length - pitch), initial=0))
+    shear = corner_shear(positions.reshape(rows, columns, 3))
+    largest = float(np.max(abs(shear), initial=0))
+    return Net(rows, columns, xy, positions, n, rotations, residual, converged, largest)
+
+
+def _fiber_directions(positions: Array, n: Array, pairs: Indices) -> Array:
+    """Mean unit chord of the links at each cup, in its tangent plane, shape (n, 3)."""
+    i, j = pairs.T
+    chords = _unit(positions[j] - positions[i])
+    total = np.zeros_like(positions)
+    np.add.at(total, i, chords)
+    np.add.at(total, j, chords)
+    return _unit(total - n * np.sum(total * n, axis=1, keepdims=True))
+
+
+def _unit(v: Array) -> Array:
+    """Vectors scaled to length one, shape (..., 3)."""
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def _shorten(step: Array, pitch: float) -> float:
+    """Factor that keeps every cup's step within the stride."""
+    return min(1.0, STRIDE * pitch / max(float(np.max(abs(step))), 1e-300))
+
+
+def _start(
+    surface: AbstractSurface,
+    rows: int,
+    columns: int,
+    pitch: float,
+    anchor_xy: tuple[float, float],
+    node: tuple[int, int],
+    warp: float,
+) -> Array:
+    """Geodesic-grown net through the anchor, shape (n, 3), in [m]."""
+    net = geodesic_net(surface, rows, columns, pitch, node, anchor_xy, warp, False)
+    return net.reshape(-1, 3)
+
+
+def _placement(
+    rows: int,
+    columns: int,
+    anchor_xy: tuple[float, float],
+    anchor_cup: tuple[int, int] | None,
+    warp: float,
+) -> tuple[Array, Array]:
+    """Linear conditions on xy, flattened, that hold the anchor and the warp direction.
+
+    Returns:
+        Weights, shape (3, 2 n), and their targets, shape (3,): x and y of the anchor,
+        and the sum of the s links across the warp direction.
+    """
+    n = rows * columns
+    weights = np.zeros((3, n, 2))
+    if anchor_cup is None:
+        weights[0, :, 0] = weights[1, :, 1] = 1 / n
+    else:
+        cup = anchor_cup[0] * columns + anchor_cup[1]
+        weights[0, cup, 0] = weights[1, cup, 1] = 1
+    ends = np.arange(n).reshape(rows, columns)[:, [0, -1]]  # inner cups cancel
+    across = np.array([-np.sin(warp), np.cos(warp)])
+    weights[2, ends[:, 0]], weights[2, ends[:, 1]] = -across / rows, across / rows
+    return weights.reshape(3, -1), np.array([*anchor_xy, 0.0])
+
+
+def _require(net: Net, surface: AbstractSurface) -> None:
+    """Raise if the net was not found or a cup lies off the surface."""
+    if not net.converged or net.residual > EXACT:
+        raise InfeasibleError(
+            f"no net of least shear on this mold: {ITERATIONS} steps did not settle it",
+            remedy="use a mold with larger radii, or place the ply elsewhere on it",
+        )
+    off = np.flatnonzero(~surface.inside(net.xy[:, 0], net.xy[:, 1]))
+    if len(off):
+        i, j = divmod(int(off[0]), net.columns)
+        x, y = net.xy[off[0]] * 1e3
+        raise InfeasibleError(
+            f"cup ({i}, {j}) would land off the mold, at x = {x:.0f} mm, "
+            f"y = {y:.0f} mm",
+            remedy="place the ply elsewhere or use a larger mold",
+        )
