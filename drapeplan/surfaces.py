@@ -246,7 +246,7 @@ class KinDrape(AbstractSurface):
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         scale = self.size / 0.5
         z, zx, zy = _published(x / scale + 0.25, y / scale + 0.25)
-        middle = _published(np.float64(0.25), np.float64(0.25))[0]
+        middle = _published(np.array(0.25), np.array(0.25))[0]
         k = self.relief
         return k * scale * (z - middle), k * zx, k * zy
 
