@@ -1,0 +1,210 @@
+"""Export of a plan as one HTML file that needs no server and no network."""
+
+import base64
+import hashlib
+import importlib.util
+import json
+import os
+import re
+import tempfile
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from drapeplan.errors import DrapeplanError, InputError
+from viewer import colors, geometry, objects, packing
+from viewer.scene import GAP_SHOWN, PENETRATION, TOUCH, PlanView
+
+Array = np.ndarray
+
+SCRIPTS = ("unpack.js", "camera.js", "stage.js", "timeline.js")  # in reading order
+VIEWS = (
+    ("Iso", (0.60, -0.66, 0.46), 30, "tool", ()),
+    ("Top", (0.0, -0.002, 1.0), 9, "drape", ("Arm", "Tool")),
+    ("Front", (0.0, -1.0, 0.12), 12, "tool", ("Arm",)),
+    ("Side", (1.0, 0.0, 0.12), 12, "tool", ("Arm",)),
+    ("Cell", (0.62, -0.55, 0.45), 32, "cell", ()),
+)  # name, direction to the camera, field of view [deg], what to frame, what to hide
+
+
+def _asset(name: str) -> str:
+    return resources.files("viewer").joinpath(name).read_text(encoding="utf-8")
+
+
+def _meshcat(name: str) -> str:
+    """Read a file of meshcat's bundle, without importing meshcat and its server."""
+    spec = importlib.util.find_spec("meshcat")
+    if spec is None or not spec.submodule_search_locations:
+        raise DrapeplanError("meshcat is not installed: pip install meshcat")
+    root = Path(next(iter(spec.submodule_search_locations)))
+    return (root / "viewer" / "dist" / name).read_text(encoding="utf-8")
+
+
+def notices() -> str:
+    """Licenses of the software and the meshes inside the file."""
+    parts = ["Drawn with meshcat (MIT License) and the software in its bundle."]
+    spec = importlib.util.find_spec("meshcat")
+    origin = Path(next(iter(spec.submodule_search_locations or []))) if spec else None
+    if origin:
+        license_file = origin / "viewer" / "LICENSE"
+        parts.append("meshcat\n\n" + license_file.read_text(encoding="utf-8"))
+    for item in json.loads(_meshcat("main.min.js.THIRD_PARTY_LICENSES.json")):
+        lines = [f"{item['name']} {item['version']} ({item['license']} License)"]
+        lines += [f"by {item['author']}, {item['repository']}"]
+        parts.append("\n\n".join([*lines, item.get("licenseText") or ""]))
+    parts.append(
+        "Meshes of the UR10, where shown: example-robot-data, ur_description "
+        "(BSD-3-Clause), simplified."
+    )
+    return ("\n\n" + 72 * "-" + "\n\n").join(part.strip() for part in parts)
+
+
+def header(view: PlanView, payload: packing.Payload) -> dict[str, object]:
+    """Describe the plan for the page, its arrays appended to the payload."""
+    gap = packing.pack_gap(view.gap, GAP_SHOWN, PENETRATION)
+    rows, columns = view.gap.shape[1:]
+    _, spacing = geometry.mold_grid(view)
+    drape, cell = geometry.drape_box(view), geometry.cell_box(view)
+    tool = geometry.tool_box(view)
+    boxes = {"drape": drape.tolist(), "tool": tool.tolist(), "cell": cell.tolist()}
+    names = ("name", "direction", "fov", "box", "hide")
+    return {
+        "title": view.title,
+        "subtitle": view.subtitle,
+        "verdict": view.verdict,
+        "good": view.good,
+        "labels": view.labels,
+        "phases": view.phases,
+        "states": [state._asdict() for state in colors.CUP_STATES],
+        "palette": payload.add(colors.gap_colors(), "u1"),
+        "gap_shown": GAP_SHOWN,
+        "penetration": PENETRATION,
+        "touch": TOUCH,
+        "spacing": spacing,
+        "boxes": boxes,
+        "floor": objects.floor_level(view),
+        "views": [dict(zip(names, v, strict=True)) for v in VIEWS],
+        "opening": "Iso" if _inside(view, drape) else "Cell",
+        "contact": np.round(view.contact_share(), 5).tolist(),
+        "lowest": np.round(view.gap.min(axis=(1, 2)), 6).tolist(),
+        "highest": np.round(view.gap.max(axis=(1, 2)), 6).tolist(),
+        "commands": [payload.add_bytes(c) for c in objects.commands(view)],
+        "ply": payload.add_track(view.ply_points),
+        "gap": payload.add_folded(gap[None]),
+        "triangles": payload.add(geometry.grid_triangles(rows, columns), "<u4"),
+        "fibers": payload.add(geometry.fiber_lines(rows, columns), "<u4"),
+        "cups": _cups(view, payload),
+        "tool": payload.add(_column_major(view.tool_placement), "<f4"),
+        "arm": payload.add(
+            _column_major(np.moveaxis(view.arm_placements, 1, 0)), "<f4"
+        ),
+    }
+
+
+def _inside(view: PlanView, corners: Array) -> bool:
+    """Whether the view of the drape also shows the ply of the first pose."""
+    middle = view.ply_points[0].mean(axis=(0, 1))
+    return bool(np.all((middle[:2] > corners[0, :2]) & (middle[:2] < corners[1, :2])))
+
+
+def _column_major(placements: Array) -> Array:
+    """Matrices in the order three.js reads them."""
+    return np.swapaxes(placements, -1, -2)
+
+
+def _cups(view: PlanView, payload: packing.Payload) -> dict[str, object]:
+    """Cups, legs and interlinks: tracks of points, and who belongs to whom."""
+    radius = 0.75 * view.half_width
+    normals = view.cup_rotations[..., 2]
+    tops = view.cup_positions + 2 * radius * normals / 2
+    return {
+        "names": view.cup_names,
+        "radius": radius,
+        "states": payload.add(view.cup_states, "u1"),
+        "faces": payload.add_track(view.cup_positions[:, None]),
+        "tops": payload.add_track(tops[:, None]),
+        "balls": payload.add_track(view.balls[:, None]),
+        "universals": payload.add_track(view.universals[:, None]),
+        "interlinks": payload.add(view.interlinks, "<u4"),
+    }
+
+
+def _hash(script: str) -> str:
+    digest = hashlib.sha256(script.encode()).digest()
+    return f"'sha256-{base64.b64encode(digest).decode()}'"
+
+
+def render(view: PlanView) -> str:
+    """Text of the page.
+
+    The security policy of the page lets nothing run but its own two scripts, named by
+    their hashes, and lets nothing be fetched.
+
+    Raises:
+        DrapeplanError: If a script or a notice would end its own element.
+    """
+    payload = packing.Payload()
+    head = header(view, payload)
+    bundle = _meshcat("main.min.js")
+    script = "\n".join(['"use strict";', *map(_asset, SCRIPTS)])
+    policy = [
+        "default-src 'none'",
+        f"script-src {_hash(bundle)} {_hash(script)}",
+        "style-src 'unsafe-inline'",  # meshcat's own tree sets styles
+        "img-src data: blob:",
+        "base-uri 'none'",
+        "form-action 'none'",
+    ]
+    parts = {
+        "policy": "; ".join(policy),
+        "style": _asset("timeline.css"),
+        "notices": notices(),
+        "payload": base64.b64encode(payload.to_bytes(head)).decode(),
+        "meshcat": bundle,
+        "script": script,
+    }
+    for name in ("notices", "meshcat", "script"):
+        if "</script" in parts[name].lower():
+            raise DrapeplanError(f"the preview's {name} would end its own element")
+    template = _asset("timeline.html")
+    return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], template)
+
+
+def export(view: PlanView, path: str | Path) -> dict[str, float]:
+    """Write the preview: all of it, or nothing.
+
+    Args:
+        view: What to show.
+        path: HTML file to write; an older one stays until the new one is complete.
+
+    Returns:
+        Figures of the file: size_bytes, poses, samples.
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
+    text, target = render(view).encode(), Path(path)
+    try:
+        write_whole(target, text)
+    except OSError as error:
+        raise InputError(
+            str(target), "", f"cannot be written: {error.strerror}"
+        ) from error
+    samples = view.gap.shape[1] * view.gap.shape[2]
+    return {"size_bytes": len(text), "poses": view.poses, "samples": samples}
+
+
+def write_whole(target: Path, data: bytes) -> None:
+    """Write a neighbor of the target, then give it the target's name."""
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        mask = os.umask(0)
+        os.umask(mask)
+        Path(name).chmod(0o666 & ~mask)
+        Path(name).replace(target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
