@@ -57,7 +57,7 @@ class FrontGrid:
 
     @cached_property
     def areas(self) -> Floats:
-        """Areas of the samples' cells, shape (nt, ns), in [m^2]; the sum is the ply's."""
+        """Cell area of each sample, shape (nt, ns), in [m^2]; they sum to the ply's."""
         widths_s = np.convolve(np.diff(self.s), [0.5, 0.5])
         widths_t = np.convolve(np.diff(self.t), [0.5, 0.5])
         return widths_t[:, None] * widths_s

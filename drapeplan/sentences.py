@@ -1,0 +1,109 @@
+"""The front's verdict in plain sentences: where, when, how much, what to change."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict, Spot
+
+REMEDIES = {
+    EventKind.PREMATURE: "lift the cups outside the front further, or turn them toe-up",
+    EventKind.AIR_POCKET: "place the cups around it from the start outward, or lift "
+    "the outer ones further",
+    EventKind.PENETRATION: "raise the cups around it until their step, or bring them "
+    "down in smaller steps",
+    EventKind.PAD_PENETRATION: "turn the cup along the mold before it lands, or land "
+    "it heel first",
+}
+
+
+def sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
+    """Say where, when and how much, and what to change.
+
+    Args:
+        verdict: Verdict of the front check.
+        labels: What to call each pose, such as "Step 3", shape (K,).
+
+    Returns:
+        Sentences: the verdict, each event, the margins, the laid state, doubts.
+    """
+    start = _cup(verdict.start_cup)
+    if not verdict.in_order:
+        verdict_line = f"Out of order: the ply does not spread outward from {start}."
+    elif verdict.penetrates:
+        verdict_line = f"In order from {start}, but the ply is pushed into the mold."
+    else:
+        verdict_line = f"In order: the ply touches the mold outward from {start}."
+    lines = [verdict_line]
+    lines += [f"{labels[event.pose]}: {_event(event)}." for event in verdict.events]
+    for spot, what in (
+        (verdict.worst_premature, "a premature contact"),
+        (verdict.worst_air, "an air pocket"),
+    ):
+        if spot is None:
+            lines.append(f"Nothing comes near {what}.")
+        elif spot.pose is not None and spot.value > 0:
+            when, how_near = labels[spot.pose], _mm(spot.value)
+            lines.append(f"Nearest to {what}: {how_near} left, {when}, {_near(spot)}.")
+    return lines + _laid_sentences(verdict, labels)
+
+
+def _laid_sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
+    """The laid state, and what casts doubt on the verdict."""
+    high, low = verdict.highest, verdict.lowest
+    line = f"Laid, the ply bridges up to {_mm(max(high.value, 0.0))} {_near(high)}"
+    if low.value < 0:
+        line += f" and sinks up to {_mm(-low.value)} {_near(low)}"
+    lines = [f"{line}."]
+    k = int(np.argmax(verdict.laid_deviation))
+    deviation = verdict.laid_deviation[k]
+    if deviation > verdict.tolerance.touch + verdict.tolerance.barrier:
+        lines.append(
+            f"{labels[k]}: placed cups leave the ply {_mm(deviation)} from its laid "
+            "state: they are off target, or the ply bulges to the other side."
+        )
+    if not verdict.starts_free:
+        lines.append(
+            "The path starts in contact: how the ply came there was not judged; start "
+            "it above the mold."
+        )
+    return lines
+
+
+def _event(event: FrontEvent) -> str:
+    """One event as half a sentence with its remedy."""
+    where = _near(event)
+    area, volume, depth = _area(event.area), _volume(event.volume), _mm(event.depth)
+    what = {
+        EventKind.PREMATURE: f"the ply touches {area} {where}, apart from the contact "
+        "around the start",
+        EventKind.AIR_POCKET: f"an air pocket of {area} ({volume}, {depth} deep) "
+        f"closes {where}",
+        EventKind.PENETRATION: f"the ply between the cups is pushed {depth} into the "
+        f"mold {where}, over {area}",
+        EventKind.PAD_PENETRATION: f"a landing cup is pressed {depth} into the mold "
+        f"{where}, over {area}",
+    }
+    return f"{what[event.kind]}: {REMEDIES[event.kind]}"
+
+
+def _near(place: FrontEvent | Spot) -> str:
+    """Nearest cup and material coordinates."""
+    s, t = (1e3 * x for x in place.place_st)
+    return f"near {_cup(place.cup)} (s {s:.0f}, t {t:.0f} mm)"
+
+
+def _cup(cup: tuple[int, int]) -> str:
+    return f"cup ({cup[0]}, {cup[1]})"
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.2f} mm" if length < 1e-3 else f"{1e3 * length:.1f} mm"
+
+
+def _area(area: float) -> str:
+    return f"{1e4 * area:.1f} cm2" if area >= 1e-4 else f"{1e6 * area:.0f} mm2"
+
+
+def _volume(volume: float) -> str:
+    return f"{1e6 * volume:.1f} cm3" if volume >= 1e-6 else f"{1e9 * volume:.0f} mm3"
