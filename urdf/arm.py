@@ -1,0 +1,83 @@
+"""URDFs of arms: found by name, and made fit for a planner that adds to angles."""
+
+import importlib.metadata
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+from drapeplan.errors import InputError
+
+TURN = f"{2 * math.pi:.12g}"  # [rad] either way, for joints that name no limits
+END = "_robot.urdf"
+
+
+def arm_names() -> dict[str, importlib.metadata.PackagePath]:
+    """Arms of example-robot-data by name, each with the place of its URDF.
+
+    The package ships data and no Python module, so its record of files is asked.
+    """
+    try:
+        stored = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        stored = []
+    arms = [f for f in stored if f.name.endswith(END) and "ur_description" in f.parts]
+    return {f.name.removesuffix(END): f for f in sorted(arms)}
+
+
+def read_arm(name_or_path: str | Path) -> str:
+    """Read the text of an arm's URDF.
+
+    Args:
+        name_or_path: A name such as "ur10", or the path of a URDF. Anything with a
+            folder or the suffix .urdf in it is a path.
+
+    Returns:
+        Text of the URDF.
+
+    Raises:
+        InputError: The name is unknown or the file cannot be read.
+    """
+    path = Path(name_or_path)
+    try:
+        if path.suffix == ".urdf" or len(path.parts) > 1:
+            return path.read_text("utf-8")
+        known = arm_names()
+        if str(path) in known:
+            return Path(str(known[str(path)].locate())).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(str(path), "", f"cannot be read: {reason}") from error
+    remedy = f"use {', '.join(known) or 'pip install example-robot-data'}, or a path"
+    raise InputError("robot", "name", f"no arm is called {str(path)!r}", remedy)
+
+
+def bound_joints(urdf: str, source: str = "arm URDF") -> str:
+    """Turn continuous joints into revolute ones that may turn once either way.
+
+    A continuous joint would be a point on a circle, with two numbers for one angle.
+
+    Args:
+        urdf: Text of a URDF.
+        source: What error messages call it.
+
+    Returns:
+        The same text where no joint is continuous, else an equivalent one.
+
+    Raises:
+        InputError: The text is no XML, or such a joint has no velocity limit.
+    """
+    try:
+        root = ElementTree.fromstring(urdf.encode())
+    except ElementTree.ParseError as error:
+        raise InputError(source, "", f"no valid XML: {error}") from error
+    endless = [j for j in root.iter("joint") if j.get("type") == "continuous"]
+    for joint in endless:
+        limit = joint.find("limit")
+        if limit is None:
+            problem = "is continuous and has no velocity limit"
+            remedy = "add <limit effort=... velocity=.../>"
+            raise InputError(source, str(joint.get("name")), problem, remedy)
+        joint.set("type", "revolute")
+        limit.set("lower", f"-{TURN}")
+        limit.set("upper", TURN)
+    return ElementTree.tostring(root, "unicode") if endless else urdf
