@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -68,9 +69,11 @@ class Sequence:
     def placed_after(self, step: int) -> np.ndarray:
         """Mask of the cups placed after `step` steps, shape (n_cups,).
 
-        Step 0 is the start cup alone.
+        After 0 steps the start cup is placed; before that, at -1, none is.
         """
         mask = np.zeros(self.rows * self.columns, bool)
+        if step < 0:
+            return mask
         mask[self.index(self.start_cup)] = True
         for cups in self.steps[:step]:
             mask[[self.index(cup) for cup in cups]] = True
@@ -106,7 +109,7 @@ def make_sequence(
         rectangles.append(rectangle)
     steps = tuple(
         tuple(cup for cup in new.cups() if cup not in set(old.cups()))
-        for old, new in zip(rectangles, rectangles[1:], strict=False)
+        for old, new in pairwise(rectangles)
     )
     return Sequence(rows, columns, start, pattern, steps, tuple(rectangles))
 
@@ -166,6 +169,8 @@ def _free_steps(
 
 def _on_tool(cup: Cup, rows: int, columns: int, source: str, key: str) -> None:
     if cup[0] >= rows or cup[1] >= columns:
-        problem = f"cup {list(cup)} is outside the tool's {rows} rows x {columns} columns"
+        problem = (
+            f"cup {list(cup)} is outside the tool's {rows} rows x {columns} columns"
+        )
         remedy = f"use rows 0-{rows - 1} and columns 0-{columns - 1}"
         raise InputError(source, key, problem, remedy)

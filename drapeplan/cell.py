@@ -1,0 +1,177 @@
+"""Cell: what a scene stands for, as objects: robot, mold, ply, and where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.errors import InputError
+from drapeplan.frames import pose, rpy
+from drapeplan.mold import HeightGrid, check_size, read_mesh
+from drapeplan.robot import Robot, arm_description
+from drapeplan.scene import (
+    CylinderSurface,
+    KindrapeSurface,
+    ParaboloidSurface,
+    RidgeSurface,
+    Scene,
+    SphereSurface,
+    StepSurface,
+    SurfaceSection,
+)
+from drapeplan.surfaces import (
+    AbstractSurface,
+    Cylinder,
+    KinDrape,
+    Paraboloid,
+    Plane,
+    Ridge,
+    Sphere,
+    Step,
+)
+from drapeplan.wave import Grid
+from ply.grid import CupGrid
+from ply.shape import PlySampling
+from urdf import read_tool
+
+Array = NDArray[np.float64]
+MARGIN = 0.15  # [m] analytic molds reach this far beyond the ply
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Texts and data that a cell is built from, as a plan file embeds them."""
+
+    arm_urdf: str
+    tool_urdf: str
+    tool_sidecar: str
+    mold: dict[str, object]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Robot, mold and ply of a scene.
+
+    Attributes:
+        scene: The scene.
+        sources: What the objects were built from.
+        robot: Arm and tool.
+        mold: Height grid of the mold in its own frame.
+        world_mold: Placement of the mold frame in the world, shape (4, 4).
+        grid: Rows, columns, pitch and half width of the tool.
+        sampling: Material points at which the ply is evaluated.
+    """
+
+    scene: Scene
+    sources: Sources
+    robot: Robot
+    mold: HeightGrid
+    world_mold: Array
+    grid: Grid
+    sampling: PlySampling
+
+
+def read_sources(scene: Scene, folder: Path) -> Sources:
+    """Read what the scene names: URDFs, sidecar and mold.
+
+    Args:
+        scene: The scene.
+        folder: Folder that its paths are relative to.
+
+    Raises:
+        InputError: If a file is missing or holds something else.
+    """
+    arm = scene.robot.name or str(_beside(folder, scene.robot.urdf))
+    tool = scene.tool.name or str(_beside(folder, scene.tool.urdf))
+    tool_urdf, sidecar = read_tool(tool)
+    arm_urdf = arm_description(arm)
+    robot = Robot(arm_urdf, tool_urdf, sidecar)
+    mold = _fill(scene, robot, folder)
+    return Sources(arm_urdf, tool_urdf, sidecar, mold.to_data())
+
+
+def build_cell(scene: Scene, sources: Sources) -> Cell:
+    """Objects of a scene from what was read."""
+    robot = Robot(sources.arm_urdf, sources.tool_urdf, sources.tool_sidecar)
+    grid = Grid(robot.rows, robot.columns, robot.pitch, robot.half_width)
+    cups = CupGrid(grid.rows, grid.columns, grid.pitch, grid.half_width)
+    sampling = PlySampling.regular(
+        cups, scene.ply.sample_mm * 1e-3, scene.ply.overhang_mm * 1e-3
+    )
+    return Cell(
+        scene,
+        sources,
+        robot,
+        HeightGrid.from_data(sources.mold),
+        pose(rpy(np.radians(scene.mold.rotation_deg)), scene.mold.position_m),
+        grid,
+        sampling,
+    )
+
+
+def _beside(folder: Path, path: str | None) -> Path:
+    return folder / (path or "")
+
+
+def _fill(scene: Scene, robot: Robot, folder: Path) -> HeightGrid:
+    """The mold's height grid, filled once."""
+    mesh = scene.mold.mesh
+    if mesh is None:
+        return fill_surface(scene, robot)
+    path = _beside(folder, mesh.path)
+    vertices, faces = read_mesh(path, mesh.unit)
+    extent = np.ptp(vertices[:, :2], axis=0)
+    check_size(extent, *_ply_size(scene, robot), source=str(path))
+    return HeightGrid.from_mesh(vertices, faces, scene.mold.grid_step_mm * 1e-3)
+
+
+def fill_surface(scene: Scene, robot: Robot) -> HeightGrid:
+    """Height grid of the scene's analytic surface, large enough for the ply."""
+    step = scene.mold.grid_step_mm * 1e-3
+    needed = _ply_size(scene, robot)
+    offset = np.abs(scene.placement.mold_point_m)
+    turned = np.full(2, np.hypot(*needed)) if scene.placement.warp_deg else needed
+    half = np.ceil((turned / 2 + offset + MARGIN) / step) * step
+    return HeightGrid.from_surface(_surface(scene.mold.surface), *half, step)
+
+
+def _ply_size(scene: Scene, robot: Robot) -> Array:
+    """Size of the flat ply along s and t, shape (2,), in [m]."""
+    edge = 2 * (robot.half_width + scene.ply.overhang_mm * 1e-3)
+    return np.array([robot.columns - 1, robot.rows - 1]) * robot.pitch + edge
+
+
+def _surface(section: SurfaceSection | None) -> AbstractSurface:
+    """The analytic surface that a scene describes, in SI units."""
+    match section:
+        case ParaboloidSurface(radius_x_m=radius_x, radius_y_m=radius_y):
+            return Paraboloid(radius_x, radius_y)
+        case SphereSurface(radius_m=radius):
+            return Sphere(radius)
+        case CylinderSurface(radius_m=radius):
+            return Cylinder(radius)
+        case RidgeSurface(height_mm=height, sigma_mm=sigma, offset_mm=offset):
+            return Ridge(height * 1e-3, sigma * 1e-3, offset * 1e-3)
+        case StepSurface(height_mm=height, width_mm=width, offset_mm=offset):
+            return Step(height * 1e-3, width * 1e-3, offset * 1e-3)
+        case KindrapeSurface(relief=relief, size_m=size):
+            return KinDrape(relief, size)
+        case _:
+            return Plane()
+
+
+def check_placement(cell: Cell, source: str) -> None:
+    """Refuse a placement cup that is not on the tool.
+
+    Raises:
+        InputError: Naming the key and the tool's size.
+    """
+    cup = cell.scene.placement.cup
+    grid = cell.grid
+    if cup is not None and (cup[0] >= grid.rows or cup[1] >= grid.columns):
+        problem = f"cup {list(cup)} is outside the tool"
+        remedy = f"the tool has {grid.rows} rows and {grid.columns} columns"
+        raise InputError(source, "placement.cup", problem, remedy)

@@ -1,0 +1,296 @@
+"""Judge: what a drape achieves, recomputed from its cup poses and joints alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import Cell
+from drapeplan.closures import Chords, Closures
+from drapeplan.frames import inverse, moved
+from drapeplan.front import check_front
+from drapeplan.front_grid import FrontGrid
+from drapeplan.motion import ALIGNED, CLOSED, LANDED, LIMIT
+from drapeplan.sequence import Sequence
+from drapeplan.track import Track
+from drapeplan.verdict import FrontVerdict, Tolerance
+from ply.fiber import LengthStatus, bubble_height
+from ply.shape import PlyFibers, ply_fibers
+
+Array = NDArray[np.float64]
+
+FAR = 1.0  # [m] gap of ply that hangs beside the mold: it meets nothing there
+RATE = 1e-6  # [-] share by which a rate may pass its limit: rounded times
+DIGITS = 9  # decimals of the numbers in a verdict
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The ply over the mold, pose by pose.
+
+    Attributes:
+        points: Ply in the mold frame, shape (K, nt, ns, 3), in [m].
+        gap: Signed distance to the mold, shape (K, nt, ns), in [m].
+        front: The verdict on the order of contact.
+        fibers: Fibers of each pose.
+    """
+
+    points: Array
+    gap: Array
+    front: FrontVerdict
+    fibers: PlyFibers
+
+
+def ply_over_mold(
+    cell: Cell, positions: Array, rotations: Array
+) -> tuple[Array, Array, PlyFibers]:
+    """Ply and its gap to the mold.
+
+    Args:
+        cell: Robot, mold and ply.
+        positions: Cup positions in the mold frame, shape (K, n, 3), in [m].
+        rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
+
+    Returns:
+        Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m], and
+        the fibers. Beside the mold the gap is FAR.
+    """
+    take_up = cell.scene.ply.take_up_mm * 1e-3
+    grid = cell.sampling.grid
+    fibers = ply_fibers(grid, positions, rotations, take_up=take_up)
+    points = cell.sampling.points(fibers, positions, rotations)
+    over = cell.mold.inside(points[..., 0], points[..., 1])
+    return points, np.where(over, cell.mold.gap(points), FAR), fibers
+
+
+def judge_contact(
+    cell: Cell,
+    sequence: Sequence,
+    poses: tuple[Array, Array],
+    placed: NDArray[np.bool_],
+    landing: NDArray[np.bool_],
+) -> Contact:
+    """Whether the material meets the mold outward from the start.
+
+    Args:
+        cell: Robot, mold and ply.
+        sequence: Gives the start cup.
+        poses: Cup poses in the mold frame; in the last one all cups are placed.
+        placed: Placed cups of each pose, shape (K, n).
+        landing: Landing cups of each pose, shape (K, n).
+    """
+    points, gap, fibers = ply_over_mold(cell, *poses)
+    beside = gap[-1] >= FAR
+    final = np.where(beside, 0.0, gap[-1])
+    sampling, grid = cell.sampling, cell.grid
+    samples = FrontGrid(
+        sampling.s,
+        sampling.t,
+        sampling.cup_index,
+        sampling.cups_around,
+        grid.columns,
+        sequence.index(sequence.start_cup),
+    )
+    limits = cell.scene.tolerance
+    tolerance = Tolerance(
+        limits.touch_mm * 1e-3,
+        limits.barrier_mm * 1e-3,
+        limits.penetration_mm * 1e-3,
+        limits.pad_penetration_mm * 1e-3,
+    )
+    gap = np.where(beside, FAR, gap)
+    front = check_front(gap, final, samples, placed, landing, tolerance)
+    return Contact(points, gap, front, fibers)
+
+
+def judge(
+    cell: Cell, sequence: Sequence, targets: tuple[Array, Array], track: Track
+) -> tuple[dict[str, Any], Contact]:
+    """Verdict on a drape, and the ply that it rests on.
+
+    Args:
+        cell: Robot, mold and ply.
+        sequence: Start cup and steps.
+        targets: Cup poses at which each cup is to land, mold frame.
+        track: The drape.
+    """
+    span = track.over_mold
+    to_mold = inverse(cell.world_mold)
+    positions, rotations = moved(to_mold, *(pose[span] for pose in track.poses))
+    placed, landing = track.placed[span], track.landing[span]
+    contact = judge_contact(cell, sequence, (positions, rotations), placed, landing)
+    parts = {
+        "interlinks": _interlinks(track),
+        "landing": _landing(positions, rotations, placed, targets),
+        "limits": _limits(track),
+        "fibers": _fibers(cell, track, contact.fibers, span.start),
+    }
+    front = contact.front.to_dict()
+    verdict = {
+        "good": contact.front.passed and all(part["good"] for part in parts.values()),
+        "fidelity": cell.scene.fidelity,
+        "ply_model": "quartic within take-up",
+        "first_waypoint": span.start,
+        **parts,
+        "steps": _steps(track, contact.front, sequence, span),
+        "front": front,
+    }
+    return verdict, contact
+
+
+def _number(value: float) -> float:
+    """Plain rounded number, no negative zero."""
+    return round(float(value), DIGITS) + 0.0
+
+
+def _cup(cell_columns: int, index: int) -> list[int]:
+    return [int(index) // cell_columns, int(index) % cell_columns]
+
+
+def _interlinks(track: Track) -> dict[str, Any]:
+    """Errors of the interlinks' lengths over all waypoints."""
+    closures = Closures(track.robot)
+    error = np.abs(closures.values(*track.poses))
+    k, row = np.unravel_index(error.argmax(), error.shape)
+    pair = [_cup(track.robot.columns, i) for i in closures.pairs[row]]
+    return {
+        "good": bool(error.max() <= CLOSED),
+        "worst_error_mm": _number(1e3 * error.max()),
+        "between": pair,
+        "waypoint": int(k),
+    }
+
+
+def _landing(
+    positions: Array,
+    rotations: Array,
+    placed: NDArray[np.bool_],
+    targets: tuple[Array, Array],
+) -> dict[str, Any]:
+    """Placed cups against their targets, and against where they landed."""
+    distance = np.linalg.norm(positions - targets[0], axis=-1)
+    cos = np.einsum("knij,nij->kn", rotations, targets[1])
+    angle = np.arccos(np.clip((cos - 1) / 2, -1, 1))
+    first = placed.argmax(axis=0)
+    landed = positions[first, np.arange(placed.shape[1])]
+    slide = np.linalg.norm(positions - landed, axis=-1)
+    worst = [np.max(x, where=placed, initial=0.0) for x in (distance, angle, slide)]
+    return {
+        "good": bool(
+            worst[0] <= LANDED
+            and worst[1] <= ALIGNED
+            and worst[2] <= LANDED
+            and placed[-1].all()
+        ),
+        "worst_distance_mm": _number(1e3 * worst[0]),
+        "worst_angle_deg": _number(np.degrees(worst[1])),
+        "worst_slide_mm": _number(1e3 * worst[2]),
+    }
+
+
+def _limits(track: Track) -> dict[str, Any]:
+    """Room left to the limits of joints, strokes and rates."""
+    robot, q = track.robot, track.q
+    room = np.minimum(q - robot.lower, robot.upper - q)
+    stroke = robot.leg_columns[:, 2]
+    turning = np.setdiff1d(np.arange(q.shape[1]), stroke)
+    duration = np.diff(track.time)[:, None]
+    share = (np.abs(np.diff(q, axis=0)) / (robot.velocity * duration)).max(initial=0)
+    strokes = q[:, stroke]
+    k, worst = np.unravel_index(room.argmin(), room.shape)
+    good = room.min() >= -LIMIT and share <= 1 + RATE and (duration > 0).all()
+    return {
+        "good": bool(good),
+        "least_stroke_room_mm": _number(1e3 * room[:, stroke].min()),
+        "least_joint_room_deg": _number(np.degrees(room[:, turning].min())),
+        "tightest_joint": robot.model.names[int(worst) + 1],
+        "waypoint": int(k),
+        "stroke_range_mm": [_number(1e3 * strokes.min()), _number(1e3 * strokes.max())],
+        "largest_rate_share": _number(share),
+    }
+
+
+def _fibers(cell: Cell, track: Track, fibers: PlyFibers, first: int) -> dict[str, Any]:
+    """Fiber lengths that the poses ask for, against the take-up band."""
+    L, take_up = cell.sampling.grid.s_length, cell.scene.ply.take_up_mm * 1e-3
+    chords = Chords(track.robot).values(*track.poses)
+    natural = np.concatenate(
+        [_flat(fibers.s_natural, 3), _flat(fibers.t_natural, 3)], axis=1
+    )
+    band = np.concatenate([_flat(fibers.s_band, 3), _flat(fibers.t_band, 3)], axis=1)
+    change = natural - L
+    outside = band != LengthStatus.IN_BAND
+    guilty = np.flatnonzero(outside.any(axis=0))
+    names = [_fiber_name(cell, int(i)) for i in guilty]
+    slack = np.maximum(0.0, L - take_up - natural.min(axis=0))
+    return {
+        "good": not guilty.size,
+        "take_up_mm": cell.scene.ply.take_up_mm,
+        "longest_need_mm": _number(1e3 * change.max()),
+        "largest_surplus_mm": _number(-1e3 * change.min()),
+        "longest_chord_mm": _number(1e3 * chords.max()),
+        "infeasible": [
+            {
+                "fiber": name,
+                "waypoint": first + int(outside[:, i].argmax()),
+                "need_mm": _number(1e3 * change[:, i].max()),
+                "surplus_mm": _number(-1e3 * change[:, i].min()),
+                "bubble_mm": _number(1e3 * float(bubble_height(slack[i], L))),
+            }
+            for name, i in zip(names, guilty, strict=True)
+        ],
+    }
+
+
+def _flat(array: Array, axes: int) -> Array:
+    """Join the last axes into one."""
+    return array.reshape(*array.shape[:-axes], -1)
+
+
+def _fiber_name(cell: Cell, index: int) -> str:
+    """Words for a fiber: family, cups and side."""
+    grid = cell.grid
+    pair, side = divmod(index, 2)
+    along_s = grid.rows * (grid.columns - 1)
+    if pair < along_s:
+        i, j = divmod(pair, grid.columns - 1)
+        ends = f"({i}, {j})-({i}, {j + 1})"
+    else:
+        i, j = divmod(pair - along_s, grid.columns)
+        ends = f"({i}, {j})-({i + 1}, {j})"
+    family = "s" if pair < along_s else "t"
+    sign = "-" if side == 0 else "+"
+    return f"{family} fiber {ends}, {sign}{1e3 * grid.half_width:g} mm"
+
+
+def _steps(
+    track: Track, front: FrontVerdict, sequence: Sequence, span: slice
+) -> list[dict[str, Any]]:
+    """Margins of each wave step; step 0 is the start cup with its approach."""
+    step = np.where(np.array(track.phase[span]) == "wave", track.step[span], -1)
+    rows = []
+    for k in range(-1, len(sequence.steps)):
+        mine = step == k
+        cups = [sequence.start_cup] if k < 0 else sequence.steps[k]
+        rows.append(
+            {
+                "step": k + 1,
+                "cups": [list(cup) for cup in cups],
+                "premature_margin_mm": _margin(front.premature_margin[mine]),
+                "air_margin_mm": _margin(front.air_margin[mine]),
+                "span_penetration_mm": _number(
+                    1e3 * front.span_penetration[mine].max()
+                ),
+                "pad_penetration_mm": _number(1e3 * front.pad_penetration[mine].max()),
+            }
+        )
+    return rows
+
+
+def _margin(margins: Array) -> float | None:
+    """Least margin in [mm]; None where nothing threatens."""
+    least = margins.min(initial=np.inf)
+    return _number(1e3 * least) if np.isfinite(least) else None

@@ -1,0 +1,219 @@
+"""Motion: joint positions that follow a path, or the reason why none do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import Cell
+from drapeplan.errors import InfeasibleError
+from drapeplan.legs import leg_coordinates
+from drapeplan.path import CupState, Path
+from drapeplan.robot import Robot
+from drapeplan.strokes import StrokeSolution, StrokeSolver
+
+Array = NDArray[np.float64]
+
+CLOSED = 1e-6  # [m] largest error of an interlink's length: 1e-3 mm
+CHORD = 1e-6  # [m] largest excess of a chord over its fiber
+LIMIT = 1e-6  # [rad], [m] largest excess over a joint limit
+LANDED = 1e-4  # [m] largest distance of a landed cup from its target: 0.1 mm
+ALIGNED = np.radians(0.1)  # [rad] largest angle of a landed cup from its target
+STILL = 1e-12  # [rad], [m] legs that change by less than this do not move
+SHORTEST = 0.05  # [s] shortest time between waypoints
+DIGITS = 12  # joint positions are rounded to this, so that a file holds them exactly
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Joint positions along a path.
+
+    Attributes:
+        q: Joint positions of arm and tool, shape (K, nq), in [rad] and [m].
+        time: Time of each waypoint, shape (K,), in [s].
+        programs: Number of QPs solved at each waypoint, shape (K,).
+    """
+
+    q: Array
+    time: Array
+    programs: NDArray[np.int_]
+
+
+class StrokesError(InfeasibleError):
+    """The tool cannot follow the path.
+
+    Attributes:
+        waypoint: Index of the first waypoint that it cannot reach.
+        phase: Phase of that waypoint.
+        step: Wave step, -1 outside the wave.
+    """
+
+    def __init__(
+        self, reason: tuple[str, str, str], waypoint: int, phase: str, step: int
+    ) -> None:
+        """Prefix the reason with its moment."""
+        what, excess, remedy = reason
+        moment = f"wave step {step + 1}" if phase == "wave" else phase
+        super().__init__(f"{moment}: {what}", excess, remedy)
+        self.waypoint, self.phase, self.step = waypoint, phase, step
+
+
+def follow(
+    cell: Cell, path: Path, progress: Callable[[int], None] | None = None
+) -> Motion:
+    """Joint positions for every waypoint of a path.
+
+    The arm's come from its inverse kinematics. The closed-form inverse of the legs
+    proposes theirs, and the stroke QP makes them respect interlinks, fibers, limits
+    and rates; what it returns is judged by residuals recomputed from the joints.
+
+    Args:
+        cell: Robot, mold and ply.
+        path: The requested path.
+        progress: Called with the number of waypoints done.
+
+    Raises:
+        ReachError: If the arm does not reach a placement of the tool.
+        StrokesError: If the tool cannot take a pose that it must take.
+    """
+    robot, scene = cell.robot, cell.scene
+    longest = cell.grid.pitch - 2 * cell.grid.half_width + scene.ply.take_up_mm * 1e-3
+    solver = StrokeSolver(robot, longest)
+    rows: list[Array] = []
+    times, programs = [0.0], []
+    arm = np.array(scene.robot.home_rad)
+    for k in range(len(path.tau)):
+        if k == 0 or not np.array_equal(path.tool[k], path.tool[k - 1]):
+            arm = np.round(robot.arm_inverse(path.tool[k], arm), DIGITS)
+        previous = rows[-1] if rows else None
+        tool = robot.arm_forward(arm)
+        legs = leg_coordinates(
+            robot.geometry, tool, path.positions[k], path.rotations[k]
+        )
+        guess = robot.configuration(arm, legs)
+        fixed = _fixed(path, k)
+        duration = _wave_duration(cell, path, k)
+        if previous is not None:
+            columns = robot.leg_columns
+            guess[columns[fixed]] = previous[columns[fixed]]
+            if np.abs(guess[columns] - previous[columns]).max() < STILL:
+                guess[columns] = previous[columns]
+                fixed = np.ones_like(fixed)
+        request = path.positions[k], path.rotations[k]
+        landing = path.states[k] >= CupState.LANDING
+        solution = solver.solve(
+            guess, previous, request, fixed, landing, duration or np.inf
+        )
+        reason = explain(robot, solution, landing & ~fixed)
+        if reason:
+            raise StrokesError(reason, k, path.phase[k], int(path.step[k]))
+        q = np.round(solution.q, DIGITS)
+        if previous is not None:
+            duration = duration or _shortest_time(robot, q - previous, scene)
+            times.append(round(times[-1] + duration, 6))
+        rows.append(q)
+        programs.append(solution.programs)
+        if progress:
+            progress(k + 1)
+    return Motion(np.stack(rows), np.array(times), np.array(programs))
+
+
+def _fixed(path: Path, k: int) -> NDArray[np.bool_]:
+    """Cups on the mold before waypoint k and during it."""
+    if k == 0:
+        return np.zeros(path.states.shape[1], bool)
+    stood = path.states[k - 1] == CupState.PLACED
+    return stood & (path.states[k] == CupState.PLACED)
+
+
+def _wave_duration(cell: Cell, path: Path, k: int) -> float:
+    """Time that the wave gives a waypoint, [s]; 0 where the joints set the time."""
+    if path.phase[k] != "wave":
+        return 0.0
+    same = k > 0 and path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
+    before = path.tau[k - 1] if same else 0.0
+    return float(cell.scene.motion.step_time_s * (path.tau[k] - before))
+
+
+def _shortest_time(robot: Robot, change: Array, scene: object) -> float:
+    """Time that the joints need at the scene's share of their speed, [s]."""
+    fraction = scene.motion.speed_fraction  # type: ignore[attr-defined]
+    return max(SHORTEST, float((np.abs(change) / robot.velocity).max() / fraction))
+
+
+def explain(
+    robot: Robot, solution: StrokeSolution, landing: NDArray[np.bool_]
+) -> tuple[str, str, str] | None:
+    """What a solution breaks worst: what, by how much, what would help; None if nothing.
+
+    Args:
+        robot: Arm and tool.
+        solution: Result of the stroke QP.
+        landing: Cups that must meet their request, shape (n,).
+    """
+    must = np.where(landing, 1.0, 0.0)
+    breaks = [
+        (np.abs(solution.closure).max() / CLOSED, _closure),
+        (np.max(solution.position_error * must, initial=0) / LANDED, _position),
+        (np.max(solution.angle_error * must, initial=0) / ALIGNED, _angle),
+        (solution.limit_excess.max() / LIMIT, _limit),
+        (solution.chord_excess.max() / CHORD, _chord),
+    ]
+    worst, words = max(breaks, key=lambda pair: pair[0])
+    return words(robot, solution, must) if worst > 1 else None
+
+
+def _cup(robot: Robot, index: int) -> str:
+    return f"cup ({index // robot.columns}, {index % robot.columns})"
+
+
+def _pair(robot: Robot, index: int) -> str:
+    i, j = robot.tool.interlinks.pairs[index]
+    return f"{_cup(robot, int(i))} and {_cup(robot, int(j))}"
+
+
+def _closure(
+    robot: Robot, solution: StrokeSolution, must: Array
+) -> tuple[str, str, str]:
+    k = int(np.abs(solution.closure).argmax())
+    word = "longer" if solution.closure[k] > 0 else "shorter"
+    what = f"rigid interlinks cannot reach it: the one between {_pair(robot, k)}"
+    excess = f"{1e3 * abs(solution.closure[k]):.3g} mm"
+    remedy = "place the cups from the start outward, neighbor by neighbor"
+    return f"{what} would have to be {word}", excess, remedy
+
+
+def _position(
+    robot: Robot, solution: StrokeSolution, must: Array
+) -> tuple[str, str, str]:
+    k = int((solution.position_error * must).argmax())
+    what = f"rigid interlinks cannot reach it: {_cup(robot, k)} misses its target"
+    remedy = "place the cups from the start outward, neighbor by neighbor"
+    return what, f"{1e3 * solution.position_error[k]:.3g} mm", remedy
+
+
+def _angle(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:
+    k = int((solution.angle_error * must).argmax())
+    what = f"{_cup(robot, k)} misses the angle of its target"
+    remedy = "raise ply.take_up_mm, widen the ball's limit or place the mold flatter"
+    return what, f"{np.degrees(solution.angle_error[k]):.3g} deg", remedy
+
+
+def _limit(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:
+    k = int(solution.limit_excess.argmax())
+    name = robot.model.names[1 + k]
+    unit = "mm" if name.endswith("stroke") else "deg"
+    size = 1e3 if unit == "mm" else np.degrees(1.0)
+    what = f"joint {name} passes its limit"
+    remedy = "a longer stroke, a flatter mold or another start would help"
+    return what, f"{size * solution.limit_excess[k]:.3g} {unit}", remedy
+
+
+def _chord(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:
+    k = int(solution.chord_excess.argmax())
+    what = f"a fiber between {_pair(robot, k // 2)} is too short"
+    remedy = "raise ply.take_up_mm if the weave allows it, or lift less (path)"
+    return what, f"{1e3 * solution.chord_excess[k]:.3g} mm", remedy

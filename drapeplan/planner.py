@@ -1,0 +1,211 @@
+"""Planner: from a scene to a plan, each stage handing plain data to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import (
+    Cell,
+    build_cell,
+    check_placement,
+    fill_surface,
+    read_sources,
+)
+from drapeplan.errors import InfeasibleError
+from drapeplan.judge import Contact, judge, judge_contact
+from drapeplan.motion import Motion, StrokesError, follow
+from drapeplan.net import Net, least_shear_net
+from drapeplan.path import Path, plan_path
+from drapeplan.plan import Plan, make_document
+from drapeplan.scene import HoverPath, Scene
+from drapeplan.sentences import sentences
+from drapeplan.sequence import Sequence, make_sequence
+from drapeplan.shear import cell_shear
+from drapeplan.track import Track
+from drapeplan.wave import Wave, plan_wave
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+
+class NotDrapableError(InfeasibleError):
+    """No joint positions lay the ply as asked; the requested poses are judged anyway.
+
+    Attributes:
+        report: What was found, as plain data with units in the keys.
+        sentences: The same in words.
+        contact: The ply on the requested poses.
+    """
+
+    def __init__(
+        self, cause: InfeasibleError, report: dict[str, Any], words: list[str]
+    ) -> None:
+        """Keep the cause's line and add the report."""
+        super().__init__(cause.what, cause.excess, cause.remedy)
+        self.report, self.sentences = report, words
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A plan with what the command line and the preview show of it."""
+
+    plan: Plan
+    contact: Contact
+    motion: Motion
+
+
+def make_plan(
+    scene: Scene, folder: FilePath, source: str, progress: Progress | None = None
+) -> Outcome:
+    """Plan a drape.
+
+    Args:
+        scene: The scene.
+        folder: Folder that the scene's paths are relative to.
+        source: Names the scene in error messages.
+        progress: Called with the stage and its share done, 0 to 1.
+
+    Raises:
+        InputError: If the scene names what does not exist or does not fit.
+        InfeasibleError: If the answer is no before all waypoints exist.
+    """
+    tell = progress or (lambda stage, share: None)
+    tell("mold and robot", 0.0)
+    cell = build_cell(scene, read_sources(scene, folder))
+    check_placement(cell, source)
+    sequence = make_sequence(scene.sequence, cell.grid.rows, cell.grid.columns, source)
+    tell("net", 0.0)
+    targets = cup_targets(cell)
+    tell("wave", 0.0)
+    wave = request_wave(cell, targets, sequence)
+    start = sequence.index(sequence.start_cup)
+    path = plan_path(cell, targets, wave, start)
+    count = len(path.tau)
+    try:
+        motion = follow(cell, path, lambda k: tell("strokes", k / count))
+    except StrokesError as error:
+        raise _not_drapable(cell, sequence, wave, error) from error
+    track = _track(cell, path, motion)
+    landing = wave.positions[-1], wave.rotations[-1]
+    tell("front", 0.0)
+    landing = tuple(np.round(x, 12) + 0.0 for x in landing)
+    verdict, contact = judge(cell, sequence, landing, track)
+    facts = net_facts(cell, landing[0])
+    document = make_document(cell, sequence, landing, facts, track, verdict)
+    tell("front", 1.0)
+    return Outcome(Plan(document), contact, motion)
+
+
+def cup_targets(cell: Cell) -> Net:
+    """Least-shear net of cup targets on the mold.
+
+    Raises:
+        InfeasibleError: If there is no such net, or a cup lies beside the mold.
+    """
+    grid, place = cell.grid, cell.scene.placement
+    net = least_shear_net(
+        cell.mold,
+        grid.rows,
+        grid.columns,
+        grid.pitch,
+        place.mold_point_m,
+        place.cup,
+        float(np.radians(place.warp_deg)),
+    )
+    beside = np.flatnonzero(~cell.mold.inside(net.xy[:, 0], net.xy[:, 1]))
+    if beside.size:
+        i, j = divmod(int(beside[0]), grid.columns)
+        x, y = 1e3 * net.xy[beside[0]]
+        what = (
+            f"the target of cup ({i}, {j}) lies beside the mold, at ({x:.0f}, {y:.0f})"
+        )
+        more = f" mm, as do {beside.size - 1} others" if beside.size > 1 else " mm"
+        remedy = "a larger mold, a smaller tool or another placement would help"
+        raise InfeasibleError(what + more, "", remedy)
+    return net
+
+
+def request_wave(cell: Cell, targets: Net, sequence: Sequence) -> Wave:
+    """Requested cup poses; freely given steps are pressed down from a hover."""
+    path = cell.scene.path
+    if not sequence.rectangles and not isinstance(path, HoverPath):
+        path = HoverPath(family="hover")
+    warp = float(np.radians(cell.scene.placement.warp_deg))
+    return plan_wave(cell.mold, targets, cell.grid, sequence, path, warp)
+
+
+def net_facts(cell: Cell, positions: Array) -> dict[str, float]:
+    """Link error and shear of the landed net.
+
+    Args:
+        cell: Gives the tool's grid.
+        positions: Cup targets, shape (n, 3), in [m].
+    """
+    grid = cell.grid
+    points = positions.reshape(grid.rows, grid.columns, 3)
+    links = [np.linalg.norm(np.diff(points, axis=k), axis=-1).ravel() for k in (0, 1)]
+    error = np.abs(np.concatenate(links) - grid.pitch).max()
+    shear = np.abs(cell_shear(points))
+    return {
+        "worst_link_error_mm": round(1e3 * float(error), 9),
+        "largest_cell_shear_deg": round(float(np.degrees(shear.max())), 9),
+        "mean_cell_shear_deg": round(float(np.degrees(shear.mean())), 9),
+    }
+
+
+def refill(cell: Cell) -> dict[str, Any] | None:
+    """Height grid of an analytic mold, filled anew; None for a mesh."""
+    if cell.scene.mold.surface is None:
+        return None
+    return fill_surface(cell.scene, cell.robot).to_data()
+
+
+def _track(cell: Cell, path: Path, motion: Motion) -> Track:
+    robot = cell.robot
+    return Track(
+        robot,
+        path.phase,
+        path.step,
+        path.tau,
+        motion.time,
+        motion.q[:, robot.arm_columns],
+        motion.q[:, robot.leg_columns],
+        path.states,
+    )
+
+
+def _not_drapable(
+    cell: Cell, sequence: Sequence, wave: Wave, cause: StrokesError
+) -> NotDrapableError:
+    """Judge the order on the requested poses, which no strokes reach."""
+    poses = wave.positions, wave.rotations
+    contact = judge_contact(cell, sequence, poses, wave.placed, wave.landing)
+    steps = len(sequence.steps)
+    names = [
+        "Start cup, as requested"
+        if step < 0
+        else f"Wave step {step + 1} of {steps}, as requested"
+        for step in wave.step
+    ]
+    words = sentences(contact.front, names)
+    report = {
+        "good": False,
+        "fidelity": cell.scene.fidelity,
+        "strokes": {
+            "waypoint": cause.waypoint,
+            "phase": cause.phase,
+            "step": cause.step + 1,
+            "problem": cause.what,
+            "excess": cause.excess,
+            "remedy": cause.remedy,
+        },
+        "front_on_requested_poses": contact.front.to_dict(),
+        "sentences": words,
+    }
+    return NotDrapableError(cause, report, words)

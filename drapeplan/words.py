@@ -1,0 +1,108 @@
+"""Words: a verdict in sentences that a laminator would use."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from drapeplan.path import CupState
+from drapeplan.sentences import sentences
+from drapeplan.track import Track
+from drapeplan.verdict import FrontVerdict
+
+KINEMATIC = (
+    "Fidelity kinematic: the passive joints follow the request, as if something "
+    "steered them; the real tool's cups lag in tilt, so the margins are optimistic."
+)
+
+
+def labels(track: Track) -> list[str]:
+    """A name for each waypoint, such as "Wave step 3, row 5 lands"."""
+    steps = max(int(track.step.max()) + 1, 1)
+    names = []
+    for k, phase in enumerate(track.phase):
+        if phase != "wave":
+            names.append(phase.capitalize())
+        elif track.step[k] < 0:
+            names.append("Start cup")
+        else:
+            names.append(f"Wave step {track.step[k] + 1} of {steps}")
+    return names
+
+
+def describe(track: Track) -> list[str]:
+    """A longer name for each waypoint, for the preview."""
+    columns = track.robot.columns
+    texts = []
+    for k, name in enumerate(labels(track)):
+        landing = (track.states[k] == CupState.LANDING).nonzero()[0]
+        if len(landing) == 1:
+            i, j = divmod(int(landing[0]), columns)
+            texts.append(f"{name}: cup ({i}, {j}) lands")
+        elif len(landing):
+            texts.append(f"{name}: {len(landing)} cups land")
+        else:
+            texts.append(name)
+    return texts
+
+
+def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[str]:
+    """One sentence for each thing that makes a verdict bad, worst kind first."""
+    lines = []
+    names = labels(track)[verdict["first_waypoint"] :]
+    if not front.passed:
+        lines += sentences(front, names)[: 1 + len(front.events)]
+    links = verdict["interlinks"]
+    if not links["good"]:
+        a, b = links["between"]
+        error = links["worst_error_mm"]
+        lines.append(
+            f"The interlink between cups {a} and {b} is off by {error:.3g} mm."
+        )
+    landing = verdict["landing"]
+    if not landing["good"]:
+        lines.append(
+            f"Placed cups stand up to {landing['worst_distance_mm']:.3g} mm and "
+            f"{landing['worst_angle_deg']:.3g} deg from their targets, or slide by "
+            f"{landing['worst_slide_mm']:.3g} mm, or some are never placed."
+        )
+    limits = verdict["limits"]
+    if not limits["good"]:
+        lines.append(
+            f"Joint {limits['tightest_joint']} passes its limit at waypoint "
+            f"{limits['waypoint']}, or a rate is passed "
+            f"({100 * limits['largest_rate_share']:.0f} % of what is allowed)."
+        )
+    return lines + _fiber_lines(verdict["fibers"])
+
+
+def _fiber_lines(fibers: dict[str, Any]) -> list[str]:
+    """What the length gate found."""
+    guilty = fibers["infeasible"]
+    if not guilty:
+        return []
+    band = fibers["take_up_mm"]
+    need = max(abs(x["need_mm"]) for x in guilty)
+    surplus = max(x["surplus_mm"] for x in guilty)
+    worst = max(guilty, key=lambda x: max(x["need_mm"], x["surplus_mm"]))
+    text = f"Length-infeasible: {len(guilty)} fibers leave the take-up of {band:g} mm"
+    if worst["need_mm"] >= worst["surplus_mm"]:
+        text += f"; the worst, {worst['fiber']}, is {need:.2f} mm too short"
+    else:
+        bubble = worst["bubble_mm"]
+        text += f"; the worst, {worst['fiber']}, has {surplus:.2f} mm too much"
+        text += f" and would bow {bubble:.1f} mm"
+    remedy = "a flatter mold, a weave with more take-up or less lift would help"
+    return [f"{text}: {remedy}."]
+
+
+def summary(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[str]:
+    """The verdict, what it rests on, and its margins."""
+    names = labels(track)[verdict["first_waypoint"] :]
+    lines = failures(verdict, front, track)
+    if not lines:
+        lines = sentences(front, names)
+    elif front.passed:
+        lines = [*lines, *sentences(front, names)]
+    else:
+        lines = [*lines, *sentences(front, names)[1 + len(front.events) :]]
+    return [*lines, KINEMATIC] if verdict["fidelity"] == "kinematic" else lines
