@@ -48,8 +48,10 @@ class FrontGrid:
             raise InputError("front grid", "cup_index", f"is not of shape {shape}")
         if not ((np.diff(self.s) > 0).all() and (np.diff(self.t) > 0).all()):
             raise InputError("front grid", "s, t", "coordinates do not increase")
-        if not (np.bincount(self.cup_index.ravel() + 1)[1:] > 0).all():
+        if not np.isin(np.arange(cups), self.cup_index).all():
             raise InputError("front grid", "cup_index", "a cup's pad has no samples")
+        if (self.cup_index < -1).any():
+            raise InputError("front grid", "cup_index", "off pads it is -1")
         if not ((self._dependence >= 0) & (self._dependence < cups)).all():
             raise InputError("front grid", "cups_around", "names a cup that has no pad")
         if not 0 <= self.start_cup < cups:
