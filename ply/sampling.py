@@ -1,4 +1,4 @@
-r"""Points of the whole ply on a tensor grid of material lines, in a few matrix products.
+r"""Points of the whole ply on a tensor grid of lines, in a few matrix products.
 
 Both families of Section 5.3 are separable: gamma_s is the curves along s, weighted
 along t. So the surface is
@@ -12,6 +12,7 @@ the columns, and :math:`W` the blend: 1 along rows of cups, 0 on the strips alon
 Eq. 46-50 inside the patches.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -150,8 +151,8 @@ class PlySampling:
     def _cup_edges(self, positions: Array, rotations: Array) -> Array:
         """Origins and directions of the cup edges along s.
 
-        Shape (..., 3 * rows * 2, columns * 2), ordered (coordinate, row, side), (column,
-        origin or direction).
+        Shape (..., 3 * rows * 2, columns * 2), ordered (coordinate, row, side) and
+        (column, origin or direction).
         """
         rows, columns = self.grid.rows, self.grid.columns
         batch = np.shape(positions)[:-2]
@@ -213,6 +214,7 @@ def _curve_weights(
 
 
 def _product(terms: Array, curves: Array, tail: tuple[int, int, int]) -> Array:
-    """Terms (..., m, k) times curves (k, n), as one product, reshaped to (..., *tail)."""
-    flat = terms.reshape(-1, terms.shape[-1]) @ curves
-    return flat.reshape(*terms.shape[:-2], *tail)
+    """Terms (..., m, k) times curves (k, n), as one product of shape (..., *tail)."""
+    *batch, m, k = terms.shape
+    flat = terms.reshape(math.prod(batch) * m, k) @ curves
+    return flat.reshape(*batch, *tail)

@@ -4,6 +4,7 @@ Two fibers run along the edges of each strip, between the facing edges of two cu
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +109,23 @@ def ply_fibers(
     )
     s = _family(s_ends, grid.s_length, model, take_up)
     t = _family(t_ends, grid.t_length, model, take_up)
-    return PlyFibers(*(part for pair in zip(s, t, strict=True) for part in pair))
+    return PlyFibers(
+        *(s.coefficients, t.coefficients),
+        *(s.status, t.status),
+        *(s.band, t.band),
+        *(s.natural, t.natural),
+        *(s.used, t.used),
+    )
+
+
+class _Family(NamedTuple):
+    """One family's part of PlyFibers."""
+
+    coefficients: Array
+    status: Statuses
+    band: Statuses
+    natural: Array
+    used: Array
 
 
 def _edges(middle: Array, across: Array, half_width: float) -> Array:
@@ -122,19 +139,18 @@ def _family(
     L: float,
     model: str,
     take_up: float | None,
-) -> tuple[Array, Statuses, Statuses, Array, Array]:
-    """Coefficients, status, length status, natural and used length of one family."""
+) -> _Family:
     r0, r1, dr0, dr1 = ends
     natural = natural_length(r0, r1, dr0, dr1)
     used, band = band_length(natural, L, take_up or 0.0)
     if model == "quartic" and take_up is None:
         a, status = quartic_fibers(r0, r1, dr0, dr1, L)
-        return a, status, band, natural, used
+        return _Family(a, status, band, natural, used)
     a = cubic_fibers(r0, r1, dr0, dr1, used)
     over = np.sqrt(dot(r1 - r0, r1 - r0)) > used * (1 + STRAIGHT)
     status = np.where(over, FiberStatus.OVERSTRETCHED, FiberStatus.NOT_ASKED)
     status = np.where(band == LengthStatus.IN_BAND, FiberStatus.MET, status)
-    return a, status, band, natural, used
+    return _Family(a, status, band, natural, used)
 
 
 def _check(

@@ -1,0 +1,54 @@
+"""Runs benchmarks by name; each module here has `run(quick) -> dict`."""
+
+import argparse
+import importlib
+import json
+import os
+import pkgutil
+import sys
+from pathlib import Path
+
+ALL = "all"
+
+
+def names() -> list[str]:
+    """Names of the benchmarks, in alphabetical order."""
+    modules = pkgutil.iter_modules([str(Path(__file__).parent)])
+    return sorted(module.name for module in modules if not module.name.startswith("_"))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one benchmark or all of them; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks")
+    parser.add_argument("name", choices=[*names(), ALL])
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument("--quick", action="store_true", help="fewer repetitions")
+    options = parser.parse_args(arguments)
+    chosen = names() if options.name == ALL else [options.name]
+    results = {}
+    for name in chosen:
+        print(f"running {name}", file=sys.stderr)
+        results[name] = importlib.import_module(f"benchmarks.{name}").run(options.quick)
+    if options.json:
+        print(json.dumps(results, indent=2))
+    else:
+        for name, result in results.items():
+            print(name, *table(result), sep="\n")
+    return 0
+
+
+def table(result: dict) -> list[str]:
+    """Lines of a result, one figure each."""
+    width = max(map(len, result), default=0)
+    return [f"  {key:<{width}}  {_figure(value)}" for key, value in result.items()]
+
+
+def _figure(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    # One BLAS thread, as in a plan; must be set before numpy is imported.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(main())

@@ -1,0 +1,77 @@
+"""Time of the ply model: the 6 x 8 ply at 10 mm with its overhang."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from ply.fiber import quartic_fibers
+from ply.grid import CupGrid
+from ply.shape import PlySampling, ply_fibers
+
+GRID = CupGrid(rows=8, columns=6, pitch=0.11, half_width=0.02)
+STEP, OVERHANG, TAKE_UP = 0.01, 0.02, 0.8e-3  # [m] as in the default scene
+BATCHES = (1, 32)
+FIBERS = 10_000
+
+
+def run(quick: bool) -> dict:
+    """Milliseconds a pose, for fibers and points, and fibers a second."""
+    repeats = 20 if quick else 200
+    sampling = PlySampling.regular(GRID, STEP, OVERHANG)
+    result: dict[str, float] = {"points": sampling.s.size * sampling.t.size}
+    for batch in BATCHES:
+        cups = poses(batch)
+        fibers = ply_fibers(GRID, *cups)
+        tasks: dict[str, Callable[[], object]] = {
+            "quartic_fibers": lambda cups=cups: ply_fibers(GRID, *cups),
+            "banded_fibers": lambda cups=cups: ply_fibers(GRID, *cups, take_up=TAKE_UP),
+            "points": lambda cups=cups, fibers=fibers: sampling.points(fibers, *cups),
+        }
+        times = {
+            name: 1e3 * median_time(task, 1 + repeats // batch) / batch
+            for name, task in tasks.items()
+        }
+        for name, milliseconds in times.items():
+            result[f"batch_{batch}_{name}_ms_per_pose"] = milliseconds
+        whole = times["quartic_fibers"] + times["points"]
+        result[f"batch_{batch}_whole_ply_ms_per_pose"] = whole
+    ends = fiber_ends(FIBERS)
+    seconds = median_time(lambda: quartic_fibers(*ends, GRID.s_length), repeats // 5)
+    return result | {"quartic_fibers_per_second": FIBERS / seconds}
+
+
+def poses(batch: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cups on a paraboloid of radii 1 and 2 m, with a little noise."""
+    rng = np.random.default_rng(0)
+    s, t = (GRID.centers - GRID.centers.mean(axis=0)).T
+    height = -(s**2) / 2 - t**2 / 4
+    positions = np.stack([s, t, height], axis=-1)
+    positions = positions + 1e-4 * rng.normal(size=(batch, *positions.shape))
+    normal = np.stack([s, t / 2, np.ones_like(s)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    x = np.stack([normal[:, 2], 0 * s, -normal[:, 0]], axis=-1)
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    frames = np.stack([x, np.cross(normal, x), normal], axis=-1)
+    return positions, np.broadcast_to(frames, (batch, *frames.shape))
+
+
+def fiber_ends(count: int) -> tuple[np.ndarray, ...]:
+    """Ends and unit tangents of disturbed fibers, each of shape (count, 3)."""
+    rng = np.random.default_rng(0)
+    along = np.array([1.0, 0.0, 0.0])
+    tangents = along + 0.1 * rng.normal(size=(2, count, 3))
+    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+    chords = GRID.s_length * (along + 0.01 * rng.normal(size=(count, 3)))
+    return np.zeros((count, 3)), chords, tangents[0], tangents[1]
+
+
+def median_time(task: Callable[[], object], repeats: int) -> float:
+    """Median time of a task, in [s], after one unmeasured run."""
+    task()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        task()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))

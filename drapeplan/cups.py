@@ -1,0 +1,236 @@
+"""The ply between measured cups: its shape as a table, its fibers as a report."""
+
+import csv
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cups_file import MM, Cups, read_cups
+from drapeplan.errors import InputError
+from ply.errors import PlyError
+from ply.fiber import FiberStatus, LengthStatus, bubble_height
+from ply.shape import MODELS, PlyFibers, PlySampling, evaluate, ply_fibers
+
+__all__ = ["Cups", "read_cups", "shape_report", "shape_table", "write_csv"]
+
+Array = NDArray[np.float64]
+
+POINTS_HEADER = ("s_mm", "t_mm")
+HEADER = (*POINTS_HEADER, "x_mm", "y_mm", "z_mm")
+STEP = 0.01  # [m] between the lines of the regular grid
+SOUND = (FiberStatus.MET, FiberStatus.NOT_ASKED)
+
+
+def shape_table(
+    cups: Cups,
+    model: str = "quartic",
+    points_path: str | Path | None = None,
+    step: float = STEP,
+) -> Array:
+    """Where material points of the ply are.
+
+    Args:
+        cups: The cups that hold the ply. With a take-up, fibers have their natural
+            length inside its band.
+        model: "quartic" or "cubic".
+        points_path: CSV file of material points with the columns s_mm and t_mm, or None
+            for a regular grid over cups and spans, t in the outer loop.
+        step: Distance between the lines of the regular grid, in [m].
+
+    Returns:
+        Rows s, t, x, y, z in the order of the points, shape (n, 5), in [mm].
+
+    Raises:
+        InputError: The model does not exist, the points file is unreadable or asks for
+            points off the ply, or the step does not divide cups and spans.
+    """
+    fibers = _fibers(cups, model)
+    if points_path is None:
+        points_st, points = _regular(cups, fibers, step)
+        return np.column_stack([points_st, points]) / MM
+    rows = _read_points(cups, str(points_path))
+    points = evaluate(cups.grid, fibers, cups.positions, cups.rotations, MM * rows)
+    return np.column_stack([rows, points / MM])
+
+
+def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
+    """What became of the length of each fiber.
+
+    Args:
+        cups: The cups that hold the ply.
+        model: "quartic" or "cubic".
+
+    Returns:
+        The model, the number of fibers, counts by FiberStatus and (with a take-up) by
+        LengthStatus, and the list of failing fibers: name, status, excess_mm (length
+        that is missing, negative where it is slack) and a sentence.
+
+    Raises:
+        InputError: The model does not exist.
+    """
+    fibers = _fibers(cups, model)
+    status = np.concatenate([fibers.s_status.ravel(), fibers.t_status.ravel()])
+    band = np.concatenate([fibers.s_band.ravel(), fibers.t_band.ravel()])
+    report: dict[str, Any] = {
+        "model": model,
+        "fibers": int(status.size),
+        "status": {
+            kind.name.lower(): int((status == kind).sum()) for kind in FiberStatus
+        },
+    }
+    if cups.take_up > 0:
+        report["take_up_mm"] = cups.take_up / MM
+        report["length"] = {
+            kind.name.lower(): int((band == kind).sum()) for kind in LengthStatus
+        }
+    return report | {"failing": list(_failing(cups, fibers))}
+
+
+def write_csv(path: str | Path, rows: Array) -> None:
+    """Write a shape table; the file appears whole or not at all.
+
+    Args:
+        path: The file; an existing one is replaced.
+        rows: Rows s, t, x, y, z, shape (n, 5), in [mm].
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    target, name = Path(path), None
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", dir=target.parent, prefix=f".{target.name}.", delete=False, newline=""
+        ) as file:
+            name = file.name
+            file.write(",".join(HEADER) + "\n")
+            np.savetxt(file, rows, fmt="%.6f", delimiter=",")
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except OSError as error:
+        if name is not None:
+            Path(name).unlink(missing_ok=True)
+        problem = f"cannot be written ({error.strerror})"
+        raise InputError(str(path), "", problem, "check the folder") from None
+
+
+def _fibers(cups: Cups, model: str) -> PlyFibers:
+    if model not in MODELS:
+        problem = f"there is no model {model!r} yet"
+        raise InputError("--model", "", problem, f"choose from {', '.join(MODELS)}")
+    take_up = cups.take_up if cups.take_up > 0 else None
+    return ply_fibers(
+        cups.grid, cups.positions, cups.rotations, model=model, take_up=take_up
+    )
+
+
+def _regular(cups: Cups, fibers: PlyFibers, step: float) -> tuple[Array, Array]:
+    try:
+        sampling = PlySampling.regular(cups.grid, step)
+    except PlyError as error:
+        raise InputError("--step-mm", "", error.problem, error.remedy) from None
+    points = sampling.points(fibers, cups.positions, cups.rotations)
+    return sampling.points_st.reshape(-1, 2), points.reshape(-1, 3)
+
+
+def _read_points(cups: Cups, source: str) -> Array:
+    """Material coordinates (s, t), shape (n, 2), in [mm]."""
+    try:
+        with open(source, encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            missing = [
+                key for key in POINTS_HEADER if key not in (reader.fieldnames or ())
+            ]
+            if missing:
+                problem = f"no column {missing[0]} in the header"
+                raise InputError(source, "", problem, "begin with s_mm,t_mm")
+            rows = [_point(source, reader.line_num, row) for row in reader]
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror})"
+        raise InputError(source, "", problem, "check the path") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise InputError(source, "", "is no CSV file", "begin with s_mm,t_mm") from None
+    if not rows:
+        raise InputError(source, "", "no points", "add a row under the header")
+    _check_on_ply(cups, source, np.array(rows))
+    return np.array(rows)
+
+
+def _point(source: str, line: int, row: dict[str, str | None]) -> tuple[float, float]:
+    try:
+        s, t = (float(row[key] or "") for key in POINTS_HEADER)
+    except ValueError:
+        raise InputError(
+            source, f"line {line}", "is not two numbers", "write s_mm,t_mm"
+        ) from None
+    return s, t
+
+
+def _check_on_ply(cups: Cups, source: str, rows: Array) -> None:
+    """Overhang is extended linearly, which means nothing further than one pitch out."""
+    grid = cups.grid
+    count = np.array([grid.columns, grid.rows])
+    off = ~((rows > -grid.pitch / MM) & (rows < count * grid.pitch / MM)).all(axis=1)
+    if off.any():
+        n = int(np.flatnonzero(off)[0])
+        problem = f"point {n + 1} at ({rows[n, 0]:g}, {rows[n, 1]:g}) mm is off the ply"
+        remedy = "stay within one pitch of the outer cups' centers"
+        raise InputError(source, "", problem, remedy)
+
+
+def _failing(cups: Cups, fibers: PlyFibers) -> Iterator[dict[str, Any]]:
+    half = cups.grid.half_width / MM
+    families = [
+        ("s", fibers.s, fibers.s_status, fibers.s_band, fibers.s_natural),
+        ("t", fibers.t, fibers.t_status, fibers.t_band, fibers.t_natural),
+    ]
+    for family, curves, statuses, bands, naturals in families:
+        length = cups.grid.s_length if family == "s" else cups.grid.t_length
+        failing = ~np.isin(statuses, SOUND)
+        if cups.take_up > 0:
+            failing |= bands != LengthStatus.IN_BAND
+        for place in zip(*(axis.tolist() for axis in np.nonzero(failing)), strict=True):
+            i, j, side = place
+            cells = f"row {i}, columns {j}-{j + 1}"
+            if family == "t":
+                cells = f"column {j}, rows {i}-{i + 1}"
+            name = f"{family} fiber ({cells}), lateral {(2 * side - 1) * half:+g} mm"
+            chord = float(np.linalg.norm(curves[place][1:].sum(axis=0)))
+            status = FiberStatus(statuses[place])
+            label, excess, words = _verdict(
+                status, length, chord, float(naturals[place]), cups.take_up
+            )
+            yield {
+                "fiber": name,
+                "status": label,
+                "excess_mm": excess / MM,
+                "text": f"{name}: {words}",
+            }
+
+
+def _verdict(
+    status: FiberStatus, length: float, chord: float, natural: float, take_up: float
+) -> tuple[str, float, str]:
+    """Label, excess in [m] and words for one failing fiber."""
+    excess = natural - length
+    if status == FiberStatus.OVERSTRETCHED:
+        words = (
+            f"overstretched: its ends are {(chord - length) / MM:.2g} mm further apart"
+        )
+        return "overstretched", chord - length, words + " than its length"
+    bow = f"bows up to {float(bubble_height(-excess, length)) / MM:.2g} mm"
+    if take_up > 0:
+        words = f"needs {excess / MM:.2g} mm, more than its take-up"
+        if excess < 0:
+            words = f"{-excess / MM:.2g} mm of slack, more than its take-up: {bow}"
+        return ("too_short" if excess > 0 else "slack"), excess, words
+    if status == FiberStatus.TOO_LONG:
+        return "too_long", excess, f"too long by {excess / MM:.2g} mm"
+    words = f"{-excess / MM:.2g} mm of slack: {bow}, to a side that "
+    if status == FiberStatus.NO_DIRECTION:
+        return "no_direction", excess, words + "parallel cups leave open"
+    return "weak_direction", excess, words + "nearly parallel cups decide"
