@@ -1,6 +1,7 @@
 """Inverse kinematics of an arm by damped Newton steps, from many starts if need be."""
 
 from collections.abc import Callable, Iterable
+from itertools import chain
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def nearest_solution(
     """
     best: Array | None = None
     ends = []
-    for start in (seed, *starts):
+    for start in chain([seed], starts):
         q, reached = newton(residual, start)
         q = nearest_turn(q, lower, upper, seed)
         if not reached or np.any((q < lower) | (q > upper)):

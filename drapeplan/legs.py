@@ -142,6 +142,7 @@ def leg_twists(geometry: LegGeometry, T_world_tool: Array, legs: Array) -> Array
     tool = np.broadcast_to(R_world_tool, leg.shape)
     axes = [tool[..., 0], first[..., 1], leg[..., 0], third[..., 1], fourth[..., 2]]
     a = np.stack(axes, axis=-2)
+    U = np.broadcast_to(U, ball.shape)
     points = np.stack([U, U, ball, ball, ball], axis=-2)
     twists = np.zeros((*legs.shape, 6))
     revolute = [UX, UY, SX, SY, SZ]

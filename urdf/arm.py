@@ -70,7 +70,7 @@ def bound_joints(urdf: str, source: str = "arm URDF") -> str:
         root = ElementTree.fromstring(urdf.encode())
     except ElementTree.ParseError as error:
         raise InputError(source, "", f"no valid XML: {error}") from error
-    endless = [j for j in root.iter("joint") if j.get("type") == "continuous"]
+    endless = [j for j in root.findall("joint") if j.get("type") == "continuous"]
     for joint in endless:
         limit = joint.find("limit")
         if limit is None:

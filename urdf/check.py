@@ -58,10 +58,13 @@ def check_tool(urdf: str, tool: Sidecar, universals: NDArray[np.float64]) -> Non
             another; there are other movable joints.
     """
     root = ElementTree.fromstring(urdf.encode())
-    joints = {joint.get("name", ""): joint for joint in root.iter("joint")}
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     fixed = {_end(j, "child"): j for j in joints.values() if j.get("type") == "fixed"}
     children = {_end(joint, "child") for joint in joints.values()}
-    (base,) = {link.get("name", "") for link in root.iter("link")} - children
+    roots = {link.get("name", "") for link in root.findall("link")} - children
+    if len(roots) != 1:
+        raise InputError(SOURCE, "", f"has {len(roots)} root links, not one")
+    (base,) = roots
     zero, down = np.zeros(3), np.array([0.0, 0.0, tool.leg_min])
     drop = np.array([0.0, 0.0, tool.ball_height])
     for cup, names in enumerate(leg_names(tool)):
