@@ -7,7 +7,7 @@ a net alone, so where the cups go is a fishnet, never a grid in x and y.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from drapeplan.errors import InfeasibleError
 from drapeplan.geodesic import geodesic_net
@@ -42,7 +42,7 @@ CLOSE = 1e-12  # [m] link error at which Newton stops: float64 noise at a meter
 STILL = 1e-9  # [m] step at which the objective counts as minimal
 ITERATIONS = 60  # 4-15 are usual
 STRIDE = 0.5  # [-] longest step of a cup over the pitch, so that no cell folds
-RIDGE = 1e-13  # [-] keeps redundant links between placed cups solvable
+RIDGE = 1e-12  # [-] share of the diagonal added where links leave no choice, or none
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def least_shear_net(
         values = np.concatenate([links.error, weights @ xy.ravel() - target])
         scale = pitch**2  # brings the objective to the size of the links
         kkt = np.zeros((size + len(values), size + len(values)))
-        kkt[:size, :size] = scale * slope.T @ slope
+        kkt[:size, :size] = scale * slope.T @ slope + RIDGE * np.eye(size)
         kkt[size:, :size], kkt[:size, size:] = rows_a, rows_a.T
         right = -np.concatenate([scale * slope.T @ shear, values])
         step = np.linalg.solve(kkt, right)[:size].reshape(-1, 2)
@@ -167,7 +167,10 @@ def nearest_net(
         back = (previous_xy - xy).ravel()[free]
         gram = jacobian @ jacobian.T
         gram[np.diag_indices_from(gram)] *= 1 + RIDGE
-        multipliers = cho_solve(cho_factor(gram), error + jacobian @ back)
+        try:
+            multipliers = cho_solve(cho_factor(gram), error + jacobian @ back)
+        except (LinAlgError, ValueError):  # contradictory links drove it off
+            break
         step = np.zeros_like(xy)
         step.ravel()[free] = back - jacobian.T @ multipliers
         if np.max(abs(step)) < STILL and np.max(abs(error), initial=0) < CLOSE:
