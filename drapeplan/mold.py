@@ -179,7 +179,7 @@ class HeightGrid(AbstractSurface):
 def _lattice(
     low: Array, high: Array, step: float
 ) -> tuple[tuple[float, float], tuple[float, float], tuple[int, int]]:
-    """Origin, steps and shape of a grid over the box from low to high, with a border."""
+    """Origin, steps and shape of a grid over a box from low to high, and a border."""
     cells = np.maximum(np.ceil((high - low) / step - ON_NODE), 1).astype(int)
     steps = np.round((high - low) / cells, DIGITS)
     origin = np.round(low - BORDER * steps, DIGITS)
