@@ -24,6 +24,7 @@ FLAGS = (
     "--no-first-run",
     "--force-device-scale-factor=1",
 )
+PATIENCE = 30_000  # [ms] software rendering on a busy machine
 LOCAL = ("file://", "data:", "blob:", "about:")
 
 
@@ -172,9 +173,9 @@ class OpenPage:
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("websocket", lambda socket: self.requests.append(socket.url))
-        self.page.set_default_timeout(30_000)  # [ms] software rendering, busy machine
+        self.page.set_default_timeout(PATIENCE)
         self.page.goto(path.as_uri() + address)
-        self.page.wait_for_function("document.body.dataset.ready")
+        self.wait("document.body.dataset.ready")
 
     def _log(self, message):
         if message.type in ("error", "warning") and "GPU stall" not in message.text:
@@ -182,6 +183,18 @@ class OpenPage:
 
     def run(self, script, argument=None):
         return self.page.evaluate(script, argument)
+
+    def wait(self, condition):
+        """Wait until a condition holds, looking at every frame.
+
+        The page's policy forbids what Playwright's own waiting does with a text.
+        """
+        self.run(
+            "() => new Promise((done, fail) => {"
+            f" setTimeout(() => fail(new Error('waited 30 s')), {PATIENCE});"
+            f" const look = () => ({condition}) ? done() : requestAnimationFrame(look);"
+            " look(); })"
+        )
 
     def external(self):
         """Requests that would leave this machine."""

@@ -45,7 +45,7 @@ function freeInsets() {
   const size = (id) => document.getElementById(id).getBoundingClientRect();
   const wide = innerWidth >= 900;
   return {
-    left: 12, right: wide ? size("legend").width + 24 : 12,
+    left: innerWidth >= 1200 ? size("head").width + 24 : 12, right: wide ? size("legend").width + 24 : 12,
     top: wide ? 12 : size("head").height + 24, bottom: size("foot").height + 24,
   };
 }

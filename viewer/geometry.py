@@ -70,16 +70,19 @@ def plane_sections(vertices: Array, faces: Array, height: Array) -> Array:
     corner = np.take_along_axis(faces[cut], (k + np.arange(3)) % 3, axis=1)
     h, x = height[corner], vertices[corner]
     share = h[:, :1] / (h[:, :1] - h[:, 1:])
-    return x[:, :1] + share[..., None] * (x[:, 1:] - x[:, :1])
+    ends = x[:, :1] + share[..., None] * (x[:, 1:] - x[:, :1])
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
+    return ends[length > 1e-9 * np.max(length, initial=0.0)]  # not a corner alone
 
 
 def _multiples(low: float, high: float, spacing: float) -> Array:
-    """Multiples of a spacing between two numbers."""
-    return spacing * np.arange(np.ceil(low / spacing), np.ceil(high / spacing))
+    """Multiples of a spacing strictly between two numbers."""
+    first, last = low / spacing + 1e-6, high / spacing - 1e-6
+    return spacing * np.arange(np.ceil(first), np.floor(last) + 1)
 
 
 def mold_grid(view: PlanView) -> tuple[Array, float]:
-    """Grid lines on the mold along its own x and y.
+    """Grid lines on the mold along its own x and y, and its rim.
 
     Returns:
         Segments, shape (S, 2, 3), in [m], and the spacing of the lines, in [m].
@@ -93,7 +96,8 @@ def mold_grid(view: PlanView) -> tuple[Array, float]:
         for axis in (0, 1)
         for at in _multiples(low[axis], high[axis], spacing)
     ]
-    return np.concatenate([np.zeros((0, 2, 3)), *sections]), spacing
+    rim = view.mold_vertices[boundary_edges(view.mold_faces)]
+    return np.concatenate([rim, *sections]), spacing
 
 
 def box_edges(size: Array) -> Array:

@@ -148,7 +148,19 @@ def mold(view: PlanView) -> list[Command]:
     ]
     if len(faces):
         commands.append(mesh("/meshcat/mold/block", walls, faces, BLOCK))
-    return commands
+    return [*commands, *stand(view)]
+
+
+def stand(view: PlanView) -> list[Command]:
+    """What carries the mold's block where that does not reach the floor."""
+    low, high = geometry.bounds(view.mold_vertices)
+    bottom, level = geometry.block_bottom(view), floor_level(view)
+    if bottom - level < 0.01 * float(high[0] - low[0]):
+        return []
+    inset = 0.08 * (high - low)
+    corners = np.array([low + inset, high - inset])
+    corners[:, 2] = level, bottom
+    return [box("/meshcat/mold/stand", corners, TABLE)]
 
 
 def platform(view: PlanView) -> list[Command]:

@@ -4,17 +4,16 @@ import base64
 import hashlib
 import importlib.util
 import json
-import os
 import re
-import tempfile
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
-from drapeplan.errors import DrapeplanError, InputError
+from drapeplan.errors import DrapeplanError
+from drapeplan.files import write_bytes
 from viewer import colors, geometry, objects, packing
-from viewer.scene import GAP_SHOWN, PENETRATION, TOUCH, PlanView
+from viewer.scene import BESIDE, GAP_SHOWN, PENETRATION, PlanView
 
 Array = np.ndarray
 
@@ -80,7 +79,7 @@ def header(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "palette": payload.add(colors.gap_colors(), "u1"),
         "gap_shown": GAP_SHOWN,
         "penetration": PENETRATION,
-        "touch": TOUCH,
+        "beside": BESIDE,
         "spacing": spacing,
         "boxes": boxes,
         "floor": objects.floor_level(view),
@@ -88,7 +87,7 @@ def header(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "opening": "Iso" if _inside(view, drape) else "Cell",
         "contact": np.round(view.contact_share(), 5).tolist(),
         "lowest": np.round(view.gap.min(axis=(1, 2)), 6).tolist(),
-        "highest": np.round(view.gap.max(axis=(1, 2)), 6).tolist(),
+        "highest": np.round(view.largest_gap(), 6).tolist(),
         "commands": [payload.add_bytes(c) for c in objects.commands(view)],
         "ply": payload.add_track(view.ply_points),
         "gap": payload.add_folded(gap[None]),
@@ -117,7 +116,7 @@ def _cups(view: PlanView, payload: packing.Payload) -> dict[str, object]:
     """Cups, legs and interlinks: tracks of points, and who belongs to whom."""
     radius = 0.75 * view.half_width
     normals = view.cup_rotations[..., 2]
-    tops = view.cup_positions + 2 * radius * normals / 2
+    tops = view.cup_positions + radius * normals
     return {
         "names": view.cup_names,
         "radius": radius,
@@ -171,7 +170,7 @@ def render(view: PlanView) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], template)
 
 
-def export(view: PlanView, path: str | Path) -> dict[str, float]:
+def export(view: PlanView, path: str | Path) -> dict[str, int]:
     """Write the preview: all of it, or nothing.
 
     Args:
@@ -184,27 +183,7 @@ def export(view: PlanView, path: str | Path) -> dict[str, float]:
     Raises:
         InputError: If the file cannot be written.
     """
-    text, target = render(view).encode(), Path(path)
-    try:
-        write_whole(target, text)
-    except OSError as error:
-        raise InputError(
-            str(target), "", f"cannot be written: {error.strerror}"
-        ) from error
+    data = render(view).encode()
+    write_bytes(Path(path), data)
     samples = view.gap.shape[1] * view.gap.shape[2]
-    return {"size_bytes": len(text), "poses": view.poses, "samples": samples}
-
-
-def write_whole(target: Path, data: bytes) -> None:
-    """Write a neighbor of the target, then give it the target's name."""
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(name).chmod(0o666 & ~mask)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    return {"size_bytes": len(data), "poses": view.poses, "samples": samples}

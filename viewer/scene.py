@@ -11,6 +11,7 @@ Array = np.ndarray
 
 TOUCH = 0.5e-3  # [m] gap below which the ply counts as touching, as in the front check
 PENETRATION = 1.0e-3  # [m] depth from which penetration is marked: tolerance of a pad
+BESIDE = 1.0  # [m] gap from which a sample hangs beside the mold, over nothing
 GAP_SHOWN = 30e-3  # [m] end of the color scale: the front's neighborhood decides
 
 
@@ -42,7 +43,8 @@ class PlanView:
         mold_vertices: Shape (V, 3).
         mold_faces: Vertex indices, shape (F, 3).
         ply_points: Samples of the ply, rows along t, shape (K, nt, ns, 3).
-        gap: Signed distance from the mold, positive when free, shape (K, nt, ns).
+        gap: Signed distance from the mold, positive when free, shape (K, nt, ns);
+            BESIDE or more where there is no mold below.
         labels: One sentence for each pose, K of them.
         phases: Name of each pose's phase, K of them.
         cup_positions: Centers of the suction faces, shape (K, n, 3).
@@ -143,3 +145,9 @@ class PlanView:
     def contact_share(self) -> Array:
         """Share of the ply's samples that touch the mold at each pose, shape (K,)."""
         return np.mean(self.gap <= TOUCH, axis=(1, 2))
+
+    def largest_gap(self) -> Array:
+        """Largest gap over the mold by pose, shape (K,), in [m]; BESIDE if none."""
+        over = self.gap < BESIDE
+        largest = np.max(self.gap, axis=(1, 2), where=over, initial=-BESIDE)
+        return np.where(over.any(axis=(1, 2)), largest, BESIDE)

@@ -142,8 +142,9 @@ class Timeline {
     byId("slider").value = k;
     byId("slider").setAttribute("aria-valuetext", text);
     byId("contact").textContent = `${(100 * plan.contact[k]).toFixed(1)} %`;
-    byId("lowest").textContent = millimeters(plan.lowest[k], 2);
-    byId("highest").textContent = millimeters(plan.highest[k]);
+    const gap = (value, digits) => (value < plan.beside ? millimeters(value, digits) : "–");
+    byId("lowest").textContent = gap(plan.lowest[k], 2);
+    byId("highest").textContent = gap(plan.highest[k], 1);
     document.querySelectorAll("#states .count").forEach((cell, state) => {
       let count = 0;
       for (let i = 0; i < this.cups.count; i++) count += this.cups.state(k, i) === state;

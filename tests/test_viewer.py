@@ -1,0 +1,444 @@
+"""The preview: what goes into the file, and what a browser makes of it."""
+
+import base64
+import hashlib
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose, assert_array_equal
+
+from drapeplan.errors import DrapeplanError, InputError
+from tests.browser import (
+    COLUMNS,
+    ROWS,
+    OpenPage,
+    height,
+    launch,
+    mold_mesh,
+    synthetic_view,
+)
+from viewer import colors, geometry, packing, page
+from viewer.scene import BESIDE, GAP_SHOWN, PENETRATION
+
+POSITION = 10e-6  # [m] what a packed position may lose: a hundredth of a fiber's width
+COLOR = 12  # of 255: the published red starts with a kink between two anchors
+SAG = 1e-4  # [m] of a chord of a 20 mm cell on the least radius, both ways
+MOST_BYTES = 4e6  # of the file, for 100 poses of 64 x 86 samples
+HOSTILE = 'Ply "P03" </script><b>x</b> <!-- & \''
+BROWSER = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
+
+def unfolded(folded):
+    """Inverse of packing.fold, by sums instead of the page's loops."""
+    values = (folded >> 1) ^ (0 - (folded & 1))
+    for axis in (1, 2, 3):
+        values = np.cumsum(values, axis=axis, dtype=folded.dtype)
+    return values
+
+
+@given(
+    arrays(np.uint16, (3, 4, 3, 5), elements=st.integers(0, 65535))
+    | arrays(np.uint8, (1, 3, 4, 2), elements=st.integers(0, 255))
+)
+def test_folding_loses_nothing(values):
+    assert_array_equal(unfolded(packing.fold(values)), values)
+
+
+def test_folding_makes_a_smooth_motion_small():
+    k, i, j = np.ogrid[:20, :30, :40]
+    smooth = (20000 + 90 * k + 70 * i + 50 * j + i * j)[None].astype(np.uint16)
+    assert np.median(packing.fold(smooth)) == 0
+
+
+@given(st.floats(-5e-3, 60e-3))
+def test_packed_gap_is_within_half_a_level(gap):
+    level = int(packing.pack_gap(np.array([gap]), GAP_SHOWN, PENETRATION)[0])
+    if gap < -PENETRATION:
+        assert level == 0
+    else:
+        shown = GAP_SHOWN * (level - 1) / 254
+        assert abs(shown - np.clip(gap, 0, GAP_SHOWN)) <= GAP_SHOWN / 508 + 1e-12
+
+
+def test_cividis_is_the_published_map():
+    from matplotlib import colormaps
+
+    published = colormaps["cividis"](np.linspace(0, 1, 255))[:, :3] * 255
+    assert_allclose(colors.gap_colors()[1:], published, atol=COLOR)
+
+
+@given(st.floats(1e-3, 1e3))
+def test_grid_spacing_is_round_and_sparse(extent):
+    spacing = geometry.round_spacing(extent)
+    assert 4 <= extent / spacing <= 16 + 1e-6
+    digits = spacing / 10 ** np.floor(np.log10(spacing * (1 + 1e-9)))
+    assert min(abs(digits - d) for d in (1, 2, 5)) < 1e-6
+
+
+def test_mold_grid_lies_on_the_mold():
+    view = synthetic_view(poses=2, samples=(4, 3))
+    segments, spacing = geometry.mold_grid(view)
+    local = segments - view.mold_placement[:3, 3]
+    lines = np.rint(local / spacing) * spacing
+    on_line = np.all(np.abs(local - lines)[..., :2] < 1e-9, axis=1)
+    assert np.all(on_line[:, 0] | on_line[:, 1])
+    sag = height(local[..., 0], local[..., 1]) - local[..., 2]
+    assert_allclose(sag, 0, atol=SAG)
+    length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=-1).sum()
+    assert length == pytest.approx(9 * 1.0 + 11 * 0.8, rel=0.05)
+
+
+def test_grid_follows_a_turned_mold():
+    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1.0]])
+    vertices, faces = mold_mesh(nx=38, ny=47)  # no grid line through a vertex
+    placement = np.eye(4)
+    placement[:3, :3] = turn
+    view = synthetic_view(poses=2, samples=(4, 3))
+    straight = replace(
+        view, mold_vertices=vertices, mold_faces=faces, mold_placement=np.eye(4)
+    )
+    turned = replace(
+        straight, mold_vertices=vertices @ turn.T, mold_placement=placement
+    )
+    lines, spacing = geometry.mold_grid(turned)
+    assert_allclose(lines @ turn, geometry.mold_grid(straight)[0], atol=1e-9)
+    assert spacing == 0.1
+
+
+def test_skirt_hangs_from_the_whole_rim_and_from_nothing_else():
+    vertices, faces = mold_mesh(nx=5, ny=4)
+    walls, quads = geometry.skirt(vertices, faces, -0.3)
+    assert len(quads) == 2 * 2 * (4 + 3)
+    assert set(walls[:, 2]) <= set(vertices[:, 2]) | {-0.3}
+    closed = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    assert len(geometry.boundary_edges(closed)) == 0
+
+
+def test_boxes_hold_what_they_frame():
+    view = synthetic_view(poses=5, samples=(6, 5))
+    cell, tool = geometry.cell_box(view), geometry.tool_box(view)
+    for name in ("mold_vertices", "ply_points", "universals"):
+        points = getattr(view, name)
+        assert np.all(points >= cell[0] - 1e-12)
+        assert np.all(points <= cell[1] + 1e-12)
+    assert np.all(cell[0] <= tool[0])
+    assert np.all(cell[1] >= tool[1])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("gap", np.zeros((3, 2, 2))),
+        ("cup_states", np.full((5, ROWS * COLUMNS), 4)),
+        ("labels", ["one"]),
+        ("balls", np.full((5, ROWS * COLUMNS, 3), np.nan)),
+    ],
+)
+def test_wrong_arrays_are_named(name, value):
+    view = synthetic_view(poses=5, samples=(6, 5))
+    with pytest.raises(InputError, match="preview"):
+        replace(view, **{name: value})
+
+
+def test_gap_beside_the_mold_is_no_largest_gap():
+    view = synthetic_view(poses=3, samples=(6, 5))
+    gap = view.gap.copy()
+    gap[1, 0], gap[2] = BESIDE, BESIDE
+    beside = replace(view, gap=gap)
+    assert beside.largest_gap()[1] == view.gap[1, 1:].max()
+    assert beside.largest_gap()[2] == BESIDE
+
+
+@pytest.fixture(scope="module")
+def view():
+    return synthetic_view(title=HOSTILE, subtitle=HOSTILE)
+
+
+@pytest.fixture(scope="module")
+def file(view, tmp_path_factory):
+    path = tmp_path_factory.mktemp("preview") / "preview.html"
+    page.export(view, path)
+    return path
+
+
+def test_full_size_stays_small(tmp_path):
+    path = tmp_path / "preview.html"
+    figures = page.export(synthetic_view(poses=100, samples=(86, 64)), path)
+    assert figures["size_bytes"] == path.stat().st_size < MOST_BYTES
+    assert (figures["poses"], figures["samples"]) == (100, 64 * 86)
+
+
+def test_same_plan_gives_the_same_bytes(file, tmp_path):
+    again = tmp_path / "again.html"
+    page.export(synthetic_view(title=HOSTILE, subtitle=HOSTILE), again)
+    assert again.read_bytes() == file.read_bytes()
+
+
+def test_a_failed_export_leaves_the_old_file(view, tmp_path, monkeypatch):
+    path = tmp_path / "preview.html"
+    path.write_text("old")
+
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", refuse)
+    with pytest.raises(InputError, match=r"preview\.html"):
+        page.export(view, path)
+    assert [p.name for p in tmp_path.iterdir()] == ["preview.html"]
+    assert path.read_text() == "old"
+
+
+def test_policy_names_exactly_the_scripts_of_the_page(file):
+    text = file.read_text()
+    policy = re.search(r'Security-Policy" content="([^"]*)"', text)[1]
+    scripts = re.findall(r"<script>(.*?)</script>", text, re.S)
+    assert len(scripts) == 2
+    for script in scripts:
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in policy
+    assert policy.startswith("default-src 'none';")
+    assert "unsafe-eval" not in policy
+    assert "http" not in policy
+    assert not re.search(r'(src|href)="(?!data:)', text)
+
+
+def test_a_script_that_ends_its_element_is_refused(view, monkeypatch):
+    ending = {"main.min.js": "</Script >"}
+    monkeypatch.setattr(page, "_meshcat", lambda name: ending.get(name, "[]"))
+    with pytest.raises(DrapeplanError, match="end its own element"):
+        page.render(view)
+
+
+def test_notices_are_inside(file):
+    text = re.search(r'id="notices"[^>]*>(.*?)</script>', file.read_text(), re.S)[1]
+    for name in ("meshcat", "three 0.", "dat.gui", "msgpack-lite", "UR10"):
+        assert name in text
+    assert text.count("Permission is hereby granted") >= 5
+    assert "Robin Deits" in text
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with launch() as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def preview(browser, file):
+    opened = OpenPage(browser, file)
+    yield opened
+    opened.context.close()
+
+
+def mark(test):
+    for marker in BROWSER:
+        test = marker(test)
+    return test
+
+
+@mark
+def test_page_shows_the_plan(preview, view):
+    assert preview.run("document.body.dataset.ready") == "yes", preview.errors
+    assert preview.run("viewer.renderer.getContext() instanceof WebGL2RenderingContext")
+    assert preview.run("preview.cups.bodies.count") == ROWS * COLUMNS
+    assert preview.run("preview.cups.legs.count") == ROWS * COLUMNS
+    tree = preview.run("Object.keys(viewer.scene_tree.children.meshcat.children)")
+    assert sorted(tree) == ["arm", "cups", "floor", "mold", "ply", "tool"]
+    assert preview.page.inner_text("#verdict").split("\n") == view.verdict
+    assert preview.page.title() == HOSTILE
+
+
+@mark
+def test_texts_of_the_plan_are_never_markup(preview):
+    assert preview.page.text_content("#title") == HOSTILE
+    assert preview.page.text_content("#subtitle") == HOSTILE
+    assert preview.page.locator("header b").count() == 0
+
+
+@mark
+@pytest.mark.parametrize("pose", [0, 11, 23])
+def test_shapes_are_those_of_the_plan(preview, view, pose):
+    preview.run("pose => preview.jump(pose)", pose)
+    shown = {
+        key: np.reshape(preview.run(f"Array.from({source})"), (-1, 3))
+        for key, source in {
+            "ply": "preview.ply.points.array",
+            "faces": "preview.cups.at.faces",
+            "balls": "preview.cups.at.balls",
+            "universals": "preview.cups.at.universals",
+        }.items()
+    }
+    ply = view.ply_points[pose].reshape(-1, 3)
+    assert_allclose(shown["ply"], ply, rtol=0, atol=POSITION)
+    assert_allclose(shown["faces"], view.cup_positions[pose], rtol=0, atol=POSITION)
+    assert_allclose(shown["balls"], view.balls[pose], rtol=0, atol=POSITION)
+    assert_allclose(shown["universals"], view.universals[pose], rtol=0, atol=POSITION)
+    counts = preview.page.locator("#states .count").all_inner_texts()
+    wanted = np.bincount(view.cup_states[pose], minlength=4)
+    assert_array_equal(np.array(counts, int), wanted)
+    assert view.labels[pose] in preview.page.inner_text("#label")
+    for node, at in (
+        ("tool.children.platform", view.tool_placement[pose]),
+        ("arm.children[0]", view.arm_placements[pose, 0]),
+    ):
+        place = f"viewer.scene_tree.children.meshcat.children.{node}.object"
+        preview.run(f"() => {place}.updateMatrix()")
+        matrix = preview.run(f"{place}.matrix.elements")
+        assert_allclose(np.reshape(matrix, (4, 4)).T, at, atol=1e-6)
+
+
+@mark
+def test_cups_and_legs_stand_where_the_plan_says(preview, view):
+    """The cylinders themselves, by their matrices: center and length."""
+    preview.run("preview.jump(11)")
+    for mesh, ends in (
+        ("bodies", (view.cup_positions[11], None)),
+        ("legs", (view.balls[11], view.universals[11])),
+    ):
+        raw = preview.run(f"Array.from(preview.cups.{mesh}.instanceMatrix.array)")
+        matrices = np.reshape(raw, (-1, 4, 4)).swapaxes(1, 2)
+        half = matrices[:, :3, 1] / 2
+        assert_allclose(matrices[:, :3, 3] - half, ends[0], atol=2 * POSITION)
+        if ends[1] is not None:
+            assert_allclose(matrices[:, :3, 3] + half, ends[1], atol=2 * POSITION)
+        else:
+            normal = view.cup_rotations[11, :, :, 2]
+            assert_allclose(half, 0.0075 * normal, atol=2 * POSITION)
+
+
+@mark
+def test_colors_follow_the_wave(preview):
+    """Contact is dark blue, the lifted ply yellow, placed cups green."""
+    preview.run("preview.look('Top')")
+    shares = []
+    for pose in (0, 11, 23):
+        preview.run("pose => preview.jump(pose)", pose)
+        red, green, blue = np.moveaxis(preview.pixels(), -1, 0)
+        dark = (red < 50) & (green < 70) & (blue > 50) & (blue < 140)
+        yellow = (red > 190) & (green > 170) & (blue < 130)
+        placed = (green > 100) & (red < 60) & (blue < 150) & (blue > 70)
+        shares.append([np.mean(mask) for mask in (dark, yellow, placed)])
+    dark, yellow, placed = np.transpose(shares)
+    assert dark[0] < dark[1] < dark[2]
+    assert yellow[0] > yellow[1] > yellow[2]
+    assert placed[0] < placed[1] < placed[2]
+    assert dark[2] > 0.1
+    assert yellow[0] > 0.05
+
+
+@mark
+def test_slider_keys_and_buttons_move_through_the_poses(preview, view):
+    page_, last = preview.page, view.poses - 1
+    preview.run("preview.jump(5)")
+    for focus in ("#slider", "#prev"):
+        page_.focus(focus)
+        for key, pose in (("End", last), ("ArrowLeft", last - 1), ("Home", 0)):
+            page_.keyboard.press(key)
+            assert preview.run("preview.pose") == pose
+        page_.keyboard.press("ArrowRight")
+        assert preview.run("preview.pose") == 1
+    page_.fill("#slider", "7")
+    assert preview.run("preview.pose") == 7
+    page_.click("#next")
+    page_.click("#next")
+    page_.click("#prev")
+    assert preview.run("preview.pose") == 8
+    page_.keyboard.press("Home")
+    page_.focus("#slider")
+    page_.keyboard.press(" ")
+    preview.wait("preview.pose >= 2")
+    page_.keyboard.press(" ")
+    assert preview.run("preview.timer") is None
+
+
+@mark
+def test_address_holds_pose_and_view(preview):
+    preview.run("preview.jump(9)")
+    preview.page.locator("#views button", has_text="Side").click()
+    preview.wait("location.hash === '#step=10&view=Side'")
+    pressed = preview.page.locator("#views button[aria-pressed=true]")
+    assert pressed.all_inner_texts() == ["Side"]
+    preview.run("() => { location.hash = '#step=3&view=Top' }")
+    preview.wait("preview.pose === 2 && preview.preset === 'Top'")
+    preview.run("() => { location.hash = '#step=x&view=nowhere' }")
+    preview.wait("preview.pose === 0")
+    assert preview.run("preview.preset") == "Top"
+
+
+FRAMED = """(name) => {
+  preview.look(name);
+  viewer.render();
+  const preset = preview.plan.views.find((v) => v.name === name);
+  const seen = corners(preview.plan.boxes[preset.box]).map((p) => p.project(viewer.camera));
+  const foot = document.getElementById("foot").getBoundingClientRect().top;
+  const right = document.getElementById("legend").getBoundingClientRect().left;
+  const x = seen.map((p) => (p.x + 1) / 2 * innerWidth);
+  const y = seen.map((p) => (1 - p.y) / 2 * innerHeight);
+  const z = seen.map((p) => p.z);
+  const box = [Math.min(...x), right - Math.max(...x), Math.min(...y), foot - Math.max(...y)];
+  return { box, near: Math.min(...z), far: Math.max(...z) };
+}"""  # noqa: E501
+
+
+def assert_framed(opened):
+    for name in ("Iso", "Top", "Front", "Side", "Cell"):
+        seen = opened.run(FRAMED, name)
+        assert min(seen["box"]) >= 0, (name, seen)
+        assert -1 < seen["near"] < seen["far"] < 1
+        left, right, top, bottom = seen["box"]
+        assert left + right < 500 or top + bottom < 200, (name, seen)  # fills the room
+
+
+@mark
+def test_presets_frame_the_scene(preview):
+    assert_framed(preview)
+
+
+@mark
+@pytest.mark.parametrize(
+    ("scale", "origin"), [(0.05, (0.2, -0.3, 0.0)), (20.0, (30.0, -50.0, 4.0))]
+)
+def test_presets_frame_any_size_anywhere(browser, tmp_path, scale, origin):
+    path = tmp_path / "preview.html"
+    page.export(synthetic_view(4, (12, 9), origin, scale), path)
+    opened = OpenPage(browser, path, size=(1280, 720))
+    assert_framed(opened)
+    assert opened.errors == []
+    opened.context.close()
+
+
+@mark
+def test_panels_do_not_overlap(preview):
+    boxes = [
+        preview.page.locator(f"#{name}").bounding_box()
+        for name in ("head", "legend", "foot")
+    ]
+    for k, a in enumerate(boxes):
+        for b in boxes[:k]:
+            apart_x = a["x"] >= b["x"] + b["width"] or b["x"] >= a["x"] + a["width"]
+            apart_y = a["y"] >= b["y"] + b["height"] or b["y"] >= a["y"] + a["height"]
+            assert apart_x or apart_y
+
+
+@mark
+def test_a_cut_file_says_so(browser, file, tmp_path):
+    text = file.read_text()
+    start = text.index("payload") + 500
+    path = tmp_path / "cut.html"
+    path.write_text(text[:start] + "@@" + text[start + 2 :])
+    opened = OpenPage(browser, path)
+    assert opened.run("document.body.dataset.ready") == "failed"
+    assert "incomplete" in opened.page.inner_text("[role=alert]")
+    opened.context.close()
+
+
+@mark
+def test_nothing_is_fetched_and_nothing_complains(preview):
+    """Last of the shared page: everything above went without a word."""
+    assert preview.errors == []
+    assert preview.external() == []
