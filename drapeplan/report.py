@@ -108,16 +108,21 @@ def _draw_steps(figure: Any, axes: Any, s: Floats, t: Floats, step: Any) -> None
     """Filled contours of the first touch, a line at each whole step, a color bar."""
     if step.count() == 0:
         return
-    low, high = np.floor(step.min()), max(np.ceil(step.max()), np.floor(step.min()) + 1)
-    shades = max(1, int(SHADES // (high - low))) * int(high - low)
-    levels = np.linspace(low, high, shades + 1)
+    low = np.floor(step.min())
+    high = max(np.ceil(step.max()), low + 1)
+    shade = 1 / max(1, SHADES // (high - low))
+    count = max(1, int(np.ceil((step.max() - low) / shade)))
+    levels = low + shade * np.arange(count + 1)  # whole steps are among them
+    levels[-1] = max(levels[-1], step.max())  # rounding must not drop the last touch
     filled = axes.contourf(s, t, step, levels=levels, cmap="cividis")
     whole = np.arange(low + 1, high)
     lines = axes.contour(s, t, step, levels=whole, colors="white", linewidths=0.9)
     axes.clabel(lines, fmt="%d", fontsize=7)
     bar = figure.colorbar(filled, ax=axes, pad=0.02, fraction=0.04, aspect=40)
     bar.set_label("first touch (wave step)")
-    bar.set_ticks(np.arange(low, high + 1, max(1, np.ceil((high - low) / 12))))
+    bar.set_ticks(
+        np.arange(low, levels[-1] + shade / 2, max(1, np.ceil((high - low) / 12)))
+    )
     bar.outline.set_linewidth(0.6)
 
 
@@ -158,19 +163,18 @@ def _draw_region(
 
 def _draw_events(axes: Any, events: Sequence[FrontEvent]) -> None:
     """Crosses where things went wrong, triangles where the ply was pushed in."""
+    order = [event for event in events if event.kind in ORDER_FAULTS]
+    depth = [event for event in events if event.kind not in ORDER_FAULTS]
     for chosen, marker, label in (
-        ([e for e in events if e.kind in ORDER_FAULTS], "X", "deepest place"),
-        (
-            [e for e in events if e.kind not in ORDER_FAULTS],
-            "v",
-            "pushed into the mold",
-        ),
+        (depth, "v", "pushed into the mold"),
+        (order, "X", "deepest place"),
     ):
         if chosen:
+            size = 8 if marker == "X" else 13
             axes.plot(
                 *np.transpose([1e3 * np.array(event.place_st) for event in chosen]),
                 marker=marker,
-                markersize=9,
+                markersize=size,
                 markerfacecolor=RED,
                 markeredgecolor="white",
                 zorder=6,

@@ -4,6 +4,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.errors import InputError
 from drapeplan.front_grid import FrontGrid
+from ply.grid import CupGrid
+from ply.sampling import PlySampling
 from tests.front_samples import HALF, PITCH, RIM, box, make_grid
 
 ROUNDING = 1e-12  # [m], [m^2] float64 noise of coordinates below 1 m
@@ -93,3 +95,22 @@ def test_refuses_what_is_no_ply(change, key):
     with pytest.raises(InputError) as error:
         FrontGrid(**{**{name: good[name] for name in fields}, **change})
     assert error.value.key == key
+
+
+def test_reads_the_samples_of_the_ply_model():
+    """The ply's own sampling is a front grid, overhang included."""
+    cups = CupGrid(rows=3, columns=4, pitch=PITCH, half_width=HALF)
+    ply = PlySampling.regular(cups, 0.01, RIM)
+    grid = FrontGrid(ply.s, ply.t, ply.cup_index, ply.cups_around, 4, 5)
+    assert_allclose(grid.cup_centers, cups.centers, atol=ROUNDING)
+    placed = np.random.default_rng(1).random((20, 12)) < 0.6
+    mine = make_grid(rows=3, columns=4)
+    inner = (slice(2, -2), slice(2, -2))  # within the cups' outer edges
+    ply_inner = [
+        np.searchsorted(x, y[2:-2] - 1e-9)
+        for x, y in ((ply.t, mine.t), (ply.s, mine.s))
+    ]
+    assert_array_equal(
+        grid.laid(placed)[(slice(None), *np.ix_(*ply_inner))],
+        mine.laid(placed)[(slice(None), *inner)],
+    )
