@@ -33,6 +33,7 @@ from drapeplan.surfaces import (
     Step,
 )
 from drapeplan.wave import Grid
+from ply.errors import PlyError
 from ply.grid import CupGrid
 from ply.shape import PlySampling
 from urdf import read_tool
@@ -98,9 +99,11 @@ def build_cell(scene: Scene, sources: Sources) -> Cell:
     robot = Robot(sources.arm_urdf, sources.tool_urdf, sources.tool_sidecar)
     grid = Grid(robot.rows, robot.columns, robot.pitch, robot.half_width)
     cups = CupGrid(grid.rows, grid.columns, grid.pitch, grid.half_width)
-    sampling = PlySampling.regular(
-        cups, scene.ply.sample_mm * 1e-3, scene.ply.overhang_mm * 1e-3
-    )
+    step, overhang = scene.ply.sample_mm * 1e-3, scene.ply.overhang_mm * 1e-3
+    try:
+        sampling = PlySampling.regular(cups, step, overhang)
+    except PlyError as error:
+        raise InputError("scene", "ply.sample_mm", str(error)) from error
     return Cell(
         scene,
         sources,
@@ -124,7 +127,8 @@ def _fill(scene: Scene, robot: Robot, folder: Path) -> HeightGrid:
     path = _beside(folder, mesh.path)
     vertices, faces = read_mesh(path, mesh.unit)
     extent = np.ptp(vertices[:, :2], axis=0)
-    check_size(extent, *_ply_size(scene, robot), source=str(path))
+    needed_x, needed_y = _ply_size(scene, robot)
+    check_size(extent, needed_x, needed_y, str(path), mesh.unit)
     return HeightGrid.from_mesh(vertices, faces, scene.mold.grid_step_mm * 1e-3)
 
 
@@ -135,7 +139,8 @@ def fill_surface(scene: Scene, robot: Robot) -> HeightGrid:
     offset = np.abs(scene.placement.mold_point_m)
     turned = np.full(2, np.hypot(*needed)) if scene.placement.warp_deg else needed
     half = np.ceil((turned / 2 + offset + MARGIN) / step) * step
-    return HeightGrid.from_surface(_surface(scene.mold.surface), *half, step)
+    surface = _surface(scene.mold.surface)
+    return HeightGrid.from_surface(surface, float(half[0]), float(half[1]), step)
 
 
 def _ply_size(scene: Scene, robot: Robot) -> Array:

@@ -43,7 +43,10 @@ def main() -> None:
         code = app(standalone_mode=False)
     except DrapeplanError as error:
         _say_error(str(error), as_json, error.exit_code, getattr(error, "report", None))
-        for line in getattr(error, "sentences", ()):
+        lines = getattr(error, "sentences", ())
+        if lines:
+            print("On the requested poses, whatever the tool says:", file=sys.stderr)
+        for line in lines:
             print(f"  {line}", file=sys.stderr)
         code = error.exit_code
     except typer.Exit as stop:
@@ -201,6 +204,47 @@ def shape(
 
 
 @app.command()
+def tool(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")],
+    name: Annotated[str, typer.Option(help="Name of the tool and its files.")] = "tool",
+    rows: Annotated[int, typer.Option(help="Cups along t.")] = 8,
+    columns: Annotated[int, typer.Option(help="Cups along s.")] = 6,
+    pitch_mm: Annotated[float, typer.Option(help="Between neighboring cups.")] = 110.0,
+    half_width_mm: Annotated[float, typer.Option(help="Half side of a cup.")] = 20.0,
+    leg_min_mm: Annotated[float, typer.Option(help="Shortest leg.")] = 150.0,
+    leg_max_mm: Annotated[float, typer.Option(help="Longest leg.")] = 450.0,
+    ball_height_mm: Annotated[float, typer.Option(help="Ball above the face.")] = 5.0,
+    interlink_height_mm: Annotated[
+        float, typer.Option(help="Interlinks above the suction plane.")
+    ] = 0.0,
+    as_json: Json = False,
+) -> int:
+    """Write URDF and sidecar of a drape tool of another size."""
+    from urdf.generate import write_tool
+    from urdf.spec import ToolSpec
+
+    try:
+        spec = ToolSpec(
+            name=name,
+            rows=rows,
+            columns=columns,
+            pitch=pitch_mm * 1e-3,
+            half_width=half_width_mm * 1e-3,
+            leg_min=leg_min_mm * 1e-3,
+            leg_max=leg_max_mm * 1e-3,
+            ball_height=ball_height_mm * 1e-3,
+            interlink_height=interlink_height_mm * 1e-3,
+        )
+    except ValueError as error:
+        raise InputError("tool", "", str(error)) from error
+    written = [str(path) for path in write_tool(spec, output)]
+    print(json.dumps({"good": True, "written": written}) if as_json else "", end="")
+    if not as_json:
+        print(*(f"wrote {path}" for path in written), sep="\n")
+    return 0
+
+
+@app.command()
 def schema(
     what: Annotated[str, typer.Argument(help="scene, plan or cups")] = "scene",
 ) -> int:
@@ -267,11 +311,12 @@ def _show(
     low, high = limits["stroke_range_mm"]
     print(
         f"  Interlinks within {links['worst_error_mm']:.1e} mm; placed cups within "
-        f"{landing['worst_distance_mm']:.1e} mm and {landing['worst_angle_deg']:.1e} deg."
+        f"{landing['worst_distance_mm']:.1e} mm and "
+        f"{landing['worst_angle_deg']:.1e} deg of their targets."
     )
     print(
-        f"  Strokes {low:.0f} to {high:.0f} mm; {limits['least_joint_room_deg']:.1f} deg "
-        f"to the nearest joint limit."
+        f"  Strokes {low:.0f} to {high:.0f} mm; "
+        f"{limits['least_joint_room_deg']:.1f} deg to the nearest joint limit."
     )
     print(
         f"  Fibers need {-fibers['largest_surplus_mm']:+.2f} to "

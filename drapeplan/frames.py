@@ -53,6 +53,32 @@ def moved(T: Array, positions: Array, rotations: Array) -> tuple[Array, Array]:
     return turned + T[..., None, :3, 3], R @ rotations
 
 
+def rotation_vectors(start: Array, end: Array) -> Array:
+    """Turns that take rotations to others, seen from the fixed frame.
+
+    Args:
+        start: Rotations, shape (..., 3, 3).
+        end: Rotations that broadcast with them.
+
+    Returns:
+        Axis times angle, shape (..., 3), in [rad], for angles below pi.
+    """
+    turn = end @ np.swapaxes(start, -1, -2)
+    skew = np.stack(
+        [
+            turn[..., 2, 1] - turn[..., 1, 2],
+            turn[..., 0, 2] - turn[..., 2, 0],
+            turn[..., 1, 0] - turn[..., 0, 1],
+        ],
+        axis=-1,
+    )
+    sin = np.linalg.norm(skew, axis=-1) / 2
+    cos = (np.trace(turn, axis1=-2, axis2=-1) - 1) / 2
+    angle = np.arctan2(sin, cos)
+    factor = np.where(sin > 0, angle / np.where(sin > 0, 2 * sin, 1.0), 0.5)
+    return skew * factor[..., None]
+
+
 def around_base(start: Array, end: Array, fractions: Array) -> Array:
     """Transforms that turn around the world's z axis from one pose to another.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
 from drapeplan.closures import Chords, Closures
-from drapeplan.frames import inverse, moved
+from drapeplan.frames import inverse, moved, rotation_vectors
 from drapeplan.front import check_front
 from drapeplan.front_grid import FrontGrid
 from drapeplan.motion import ALIGNED, CLOSED, LANDED, LIMIT
@@ -172,8 +172,7 @@ def _landing(
 ) -> dict[str, Any]:
     """Placed cups against their targets, and against where they landed."""
     distance = np.linalg.norm(positions - targets[0], axis=-1)
-    cos = np.einsum("knij,nij->kn", rotations, targets[1])
-    angle = np.arccos(np.clip((cos - 1) / 2, -1, 1))
+    angle = np.linalg.norm(rotation_vectors(rotations, targets[1]), axis=-1)
     first = placed.argmax(axis=0)
     landed = positions[first, np.arange(placed.shape[1])]
     slide = np.linalg.norm(positions - landed, axis=-1)
@@ -245,7 +244,7 @@ def _fibers(cell: Cell, track: Track, fibers: PlyFibers, first: int) -> dict[str
     }
 
 
-def _flat(array: Array, axes: int) -> Array:
+def _flat(array: NDArray[Any], axes: int) -> NDArray[Any]:
     """Join the last axes into one."""
     return array.reshape(*array.shape[:-axes], -1)
 

@@ -21,6 +21,7 @@ CLOSED = 1e-6  # [m] largest error of an interlink's length: 1e-3 mm
 CHORD = 1e-6  # [m] largest excess of a chord over its fiber
 LIMIT = 1e-6  # [rad], [m] largest excess over a joint limit
 LANDED = 1e-4  # [m] largest distance of a landed cup from its target: 0.1 mm
+WAITED = 1e-3  # [m] largest distance of a waiting cup from its request: 1 mm
 ALIGNED = np.radians(0.1)  # [rad] largest angle of a landed cup from its target
 STILL = 1e-12  # [rad], [m] legs that change by less than this do not move
 SHORTEST = 0.05  # [s] shortest time between waypoints
@@ -79,85 +80,111 @@ def follow(
         ReachError: If the arm does not reach a placement of the tool.
         StrokesError: If the tool cannot take a pose that it must take.
     """
-    robot, scene = cell.robot, cell.scene
-    longest = cell.grid.pitch - 2 * cell.grid.half_width + scene.ply.take_up_mm * 1e-3
-    solver = StrokeSolver(robot, longest)
-    rows: list[Array] = []
-    times, programs = [0.0], []
-    arm = np.array(scene.robot.home_rad)
+    follower = _Follower(cell, path)
     for k in range(len(path.tau)):
+        follower.advance(k)
+        if progress:
+            progress(k + 1)
+    return Motion(
+        np.stack(follower.rows),
+        np.array(follower.times),
+        np.array(follower.programs),
+    )
+
+
+class _Follower:
+    """Goes along a path, one waypoint after the other."""
+
+    def __init__(self, cell: Cell, path: Path) -> None:
+        self.cell, self.path, self.robot = cell, path, cell.robot
+        take_up = cell.scene.ply.take_up_mm * 1e-3
+        self.solver = StrokeSolver(self.robot, cell.sampling.grid.span + take_up)
+        self.arm = np.array(cell.scene.robot.home_rad)
+        self.rows: list[Array] = []
+        self.times: list[float] = []
+        self.programs: list[int] = []
+
+    def advance(self, k: int) -> None:
+        """Append the joint positions and the time of waypoint k."""
+        path, robot = self.path, self.robot
         if k == 0 or not np.array_equal(path.tool[k], path.tool[k - 1]):
-            arm = np.round(robot.arm_inverse(path.tool[k], arm), DIGITS)
-        previous = rows[-1] if rows else None
-        tool = robot.arm_forward(arm)
-        legs = leg_coordinates(
-            robot.geometry, tool, path.positions[k], path.rotations[k]
-        )
-        guess = robot.configuration(arm, legs)
-        fixed = _fixed(path, k)
-        duration = _wave_duration(cell, path, k)
-        if previous is not None:
-            columns = robot.leg_columns
-            guess[columns[fixed]] = previous[columns[fixed]]
-            if np.abs(guess[columns] - previous[columns]).max() < STILL:
-                guess[columns] = previous[columns]
-                fixed = np.ones_like(fixed)
-        request = path.positions[k], path.rotations[k]
+            self.arm = np.round(robot.arm_inverse(path.tool[k], self.arm), DIGITS)
+        previous = self.rows[-1] if self.rows else None
+        guess, fixed = self._guess(k, previous)
+        duration = self._wave_duration(k)
         landing = path.states[k] >= CupState.LANDING
-        solution = solver.solve(
+        request = path.positions[k], path.rotations[k]
+        solution = self.solver.solve(
             guess, previous, request, fixed, landing, duration or np.inf
         )
         reason = explain(robot, solution, landing & ~fixed)
         if reason:
             raise StrokesError(reason, k, path.phase[k], int(path.step[k]))
         q = np.round(solution.q, DIGITS)
-        if previous is not None:
-            duration = duration or _shortest_time(robot, q - previous, scene)
-            times.append(round(times[-1] + duration, 6))
-        rows.append(q)
-        programs.append(solution.programs)
-        if progress:
-            progress(k + 1)
-    return Motion(np.stack(rows), np.array(times), np.array(programs))
+        duration = duration or self._shortest_time(q, previous)
+        self.times.append(round(self.times[-1] + duration, 6) if k else 0.0)
+        self.rows.append(q)
+        self.programs.append(solution.programs)
 
+    def _guess(self, k: int, previous: Array | None) -> tuple[Array, NDArray[np.bool_]]:
+        """Closed-form legs, and which of them stay as they were.
 
-def _fixed(path: Path, k: int) -> NDArray[np.bool_]:
-    """Cups on the mold before waypoint k and during it."""
-    if k == 0:
-        return np.zeros(path.states.shape[1], bool)
-    stood = path.states[k - 1] == CupState.PLACED
-    return stood & (path.states[k] == CupState.PLACED)
+        Those of placed cups stay, and all of them where the ply rides on the tool.
+        """
+        path, robot, columns = self.path, self.robot, self.robot.leg_columns
+        poses = path.positions[k], path.rotations[k]
+        tool = robot.arm_forward(self.arm)
+        guess = robot.configuration(
+            self.arm, leg_coordinates(robot.geometry, tool, *poses)
+        )
+        if previous is None:
+            return guess, np.zeros(len(columns), bool)
+        standing = (path.states[k - 1] == CupState.PLACED) & (
+            path.states[k] == CupState.PLACED
+        )
+        if np.abs(guess[columns] - previous[columns]).max() < STILL:
+            standing = np.ones_like(standing)
+        guess[columns[standing]] = previous[columns[standing]]
+        return guess, standing
 
+    def _wave_duration(self, k: int) -> float:
+        """Time that the wave gives a waypoint, [s]; 0 where the joints set it."""
+        path = self.path
+        if path.phase[k] != "wave":
+            return 0.0
+        same = path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
+        before = path.tau[k - 1] if same else 0.0
+        return float(self.cell.scene.motion.step_time_s * (path.tau[k] - before))
 
-def _wave_duration(cell: Cell, path: Path, k: int) -> float:
-    """Time that the wave gives a waypoint, [s]; 0 where the joints set the time."""
-    if path.phase[k] != "wave":
-        return 0.0
-    same = k > 0 and path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
-    before = path.tau[k - 1] if same else 0.0
-    return float(cell.scene.motion.step_time_s * (path.tau[k] - before))
-
-
-def _shortest_time(robot: Robot, change: Array, scene: object) -> float:
-    """Time that the joints need at the scene's share of their speed, [s]."""
-    fraction = scene.motion.speed_fraction  # type: ignore[attr-defined]
-    return max(SHORTEST, float((np.abs(change) / robot.velocity).max() / fraction))
+    def _shortest_time(self, q: Array, previous: Array | None) -> float:
+        """Time that the joints need at the scene's share of their speed, [s]."""
+        if previous is None:
+            return 0.0
+        share = self.cell.scene.motion.speed_fraction
+        need = np.abs(q - previous) / self.robot.velocity
+        return max(SHORTEST, float(need.max()) / share)
 
 
 def explain(
     robot: Robot, solution: StrokeSolution, landing: NDArray[np.bool_]
 ) -> tuple[str, str, str] | None:
-    """What a solution breaks worst: what, by how much, what would help; None if nothing.
+    """What a solution breaks worst: what, by how much, what would help.
 
     Args:
         robot: Arm and tool.
         solution: Result of the stroke QP.
         landing: Cups that must meet their request, shape (n,).
+
+    Returns:
+        None if nothing is broken.
     """
     must = np.where(landing, 1.0, 0.0)
     breaks = [
         (np.abs(solution.closure).max() / CLOSED, _closure),
-        (np.max(solution.position_error * must, initial=0) / LANDED, _position),
+        (
+            (solution.position_error / np.where(landing, LANDED, WAITED)).max(),
+            _position,
+        ),
         (np.max(solution.angle_error * must, initial=0) / ALIGNED, _angle),
         (solution.limit_excess.max() / LIMIT, _limit),
         (solution.chord_excess.max() / CHORD, _chord),
@@ -189,8 +216,8 @@ def _closure(
 def _position(
     robot: Robot, solution: StrokeSolution, must: Array
 ) -> tuple[str, str, str]:
-    k = int((solution.position_error * must).argmax())
-    what = f"rigid interlinks cannot reach it: {_cup(robot, k)} misses its target"
+    k = int(solution.position_error.argmax())
+    what = f"rigid interlinks cannot reach it: {_cup(robot, k)} misses its request"
     remedy = "place the cups from the start outward, neighbor by neighbor"
     return what, f"{1e3 * solution.position_error[k]:.3g} mm", remedy
 

@@ -66,7 +66,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class _Leg:
+class _Stretch:
     """A stretch of the path: one phase."""
 
     phase: str
@@ -92,13 +92,13 @@ def plan_path(cell: Cell, targets: Net, wave: Wave, start_cup: int) -> Path:
         start_cup: Index of the first cup placed.
     """
     builder = _Builder(cell, targets, wave, start_cup)
-    legs = builder.legs()
+    stretches = builder.stretches()
     columns = {
-        f.name: np.concatenate([getattr(leg, f.name) for leg in legs])
-        for f in fields(_Leg)
+        f.name: np.concatenate([getattr(part, f.name) for part in stretches])
+        for f in fields(_Stretch)
         if f.name != "phase"
     }
-    phase = tuple(leg.phase for leg in legs for _ in leg.tau)
+    phase = tuple(part.phase for part in stretches for _ in part.tau)
     return Path(phase, **columns)
 
 
@@ -141,29 +141,62 @@ class _Builder:
             height += middle - (stroke.min() + stroke.max()) / 2
         return float(height)
 
-    def legs(self) -> list[_Leg]:
+    def stretches(self) -> list[_Stretch]:
         """The phases in order."""
-        motion, path = self.cell.scene.motion, self.cell.scene.path
-        pick_tool, flat = self._pick_tool(), self._flat()
-        rise = np.linspace(0, motion.lift_mm * 1e-3, LIFT_POSES + 1)[1:]
-        lifting = np.stack([translation(z=z) @ pick_tool for z in rise])
-        legs = [
+        path, flat = self.cell.scene.path, self._flat()
+        flat_arrival = isinstance(path, HoverPath) and path.arrival == "flat"
+        carried = (
+            flat if flat_arrival else (self.wave.positions[:1], self.wave.rotations[:1])
+        )
+        above = 0.0
+        if flat_arrival:
+            start = self.targets.positions[self.start_cup, 2]
+            above = start + path.height_mm * 1e-3 - self.flat_height
+        descent = self._clear_height(carried[0]) - above
+        over = self._above_mold(np.array([above + descent]))[0]
+        pick_tool, lifting = self._lift(over)
+        stretches = [
             self._together("pick", pick_tool[None], flat),
             self._together("lift", lifting, flat),
         ]
         shape = self._shaped(np.linspace(0, 1, SHAPING_POSES + 1)[1:])
-        if isinstance(path, HoverPath) and path.arrival == "flat":
-            start = self.targets.positions[self.start_cup, 2]
-            above = start + path.height_mm * 1e-3 - self.flat_height
-            legs.append(self._approach(lifting[-1], flat, above, touch=False))
-            legs.append(self._shape_over_mold(shape, above))
-        else:
+        if not flat_arrival:
             still = np.tile(lifting[-1], (SHAPING_POSES, 1, 1))
-            legs.append(self._together("preshape", still, shape))
-            first = self.wave.positions[:1], self.wave.rotations[:1]
-            touch = not isinstance(path, HoverPath)
-            legs.append(self._approach(lifting[-1], first, 0.0, touch=touch))
-        return [*legs, self._wave_leg(), *self._leave()]
+            stretches.append(self._together("preshape", still, shape))
+        heights = self._descent(descent)
+        transfer = around_base(
+            lifting[-1], over, np.linspace(0, 1, TRANSFER_POSES + 1)[1:]
+        )
+        tools = np.concatenate([transfer, self._above_mold(above + heights)])
+        approach = self._together("approach", tools, carried)
+        if self._lands_with_the_arm:
+            approach.states[TRANSFER_POSES:, self.start_cup] = CupState.LANDING
+            approach.states[-1, self.start_cup] = CupState.PLACED
+        stretches.append(approach)
+        if flat_arrival:
+            rise = above * (1 - np.linspace(0, 1, SHAPING_POSES + 1)[1:])
+            stretches.append(self._together("preshape", self._above_mold(rise), shape))
+        return [*stretches, self._wave_stretch(), *self._leave()]
+
+    @property
+    def _lands_with_the_arm(self) -> bool:
+        """Whether the arm's descent lands the start cup, not its own stroke."""
+        return not isinstance(self.cell.scene.path, HoverPath)
+
+    def _lift(self, over: Array) -> tuple[Array, Array]:
+        """Pick placement, and straight up at least as high as the transfer goes."""
+        pick = self._pick_tool()
+        lift = self.cell.scene.motion.lift_mm * 1e-3
+        height = max(lift, float(over[2, 3] - pick[2, 3]))
+        rise = np.linspace(0, height, LIFT_POSES + 1)[1:]
+        return pick, np.stack([translation(z=z) @ pick for z in rise])
+
+    def _descent(self, height: float) -> Array:
+        """Heights above the end of the descent; finer and finer before contact, [m]."""
+        if not self._lands_with_the_arm:
+            return height * np.linspace(1, 0, DESCENT_POSES + 1)[1:]
+        shares = np.arange(1, DESCENT_POSES) / (DESCENT_POSES - 1)
+        return height * np.append((LAST_HEIGHT / height) ** shares, 0.0)
 
     def _flat(self) -> tuple[Array, Array]:
         """Flat ply below the tool, mold frame: (1, n, 3) and (1, n, 3, 3)."""
@@ -200,7 +233,7 @@ class _Builder:
         tools: Array,
         shape: tuple[Array, Array],
         state: CupState = CupState.HOLDING,
-    ) -> _Leg:
+    ) -> _Stretch:
         """A phase in which all cups do the same, in a shape that rides on the tool.
 
         The shape is given in the mold frame as it is when the tool stands where the
@@ -210,52 +243,33 @@ class _Builder:
         states = np.full((count, len(self.flat_xy)), state, np.uint8)
         tau = np.arange(1, count + 1) / count
         poses = moved(tools @ inverse(self.tool), *shape)
-        return _Leg(phase, tools, *poses, states, np.full(count, -1), tau)
+        return _Stretch(phase, tools, *poses, states, np.full(count, -1), tau)
 
-    def _approach(
-        self, lifted: Array, shape: tuple[Array, Array], above: float, *, touch: bool
-    ) -> _Leg:
-        """Over to the mold and straight down, to `above` the wave's tool height."""
-        height = self.cell.scene.motion.approach_mm * 1e-3
-        heights = height * np.linspace(1, 0, DESCENT_POSES + 1)[1:]
-        if touch:  # the start cup lands: finer and finer
-            ratio = LAST_HEIGHT / height
-            shares = np.arange(1, DESCENT_POSES) / (DESCENT_POSES - 1)
-            heights = height * np.append(ratio**shares, 0.0)
-        over = self._above_mold(np.array([above + height]))[0]
-        fractions = np.linspace(0, 1, TRANSFER_POSES + 1)[1:]
-        transfer = around_base(lifted, over, fractions)
-        up = self._above_mold(above + heights)
-        tools = np.concatenate([transfer, up])
-        leg = self._together("approach", tools, shape)
-        if touch:
-            leg.states[TRANSFER_POSES:, self.start_cup] = CupState.LANDING
-            leg.states[-1, self.start_cup] = CupState.PLACED
-        return leg
-
-    def _shape_over_mold(self, shape: tuple[Array, Array], above: float) -> _Leg:
-        """From flat above the mold to the first pose of the wave."""
-        rise = above * (1 - np.linspace(0, 1, len(shape[0]) + 1)[1:])
-        return self._together("preshape", self._above_mold(rise), shape)
+    def _clear_height(self, positions: Array) -> float:
+        """Height above the wave's at which cups pass the whole mold, in [m]."""
+        clearance = self.cell.scene.motion.clearance_mm * 1e-3
+        mold = self.cell.mold
+        drop = mold.heights[mold.covered].max() - positions[..., 2].min()
+        return clearance + max(0.0, float(drop))
 
     def _above_mold(self, heights: Array) -> Array:
         """Placements of tool0 above where the wave has it, shape (m, 4, 4)."""
         rises = [self.cell.world_mold @ translation(z=z) @ self.tool for z in heights]
         return np.stack(rises)
 
-    def _wave_leg(self) -> _Leg:
+    def _wave_stretch(self) -> _Stretch:
         """The wave after its first pose, which the phase before has reached."""
         wave = self.wave
         flying = np.where(wave.landing, CupState.LANDING, CupState.HOLDING)
         states = np.where(wave.placed, CupState.PLACED, flying).astype(np.uint8)[1:]
         poses = moved(self.cell.world_mold, wave.positions[1:], wave.rotations[1:])
         tools = np.repeat(self._above_mold(np.zeros(1)), len(states), axis=0)
-        return _Leg("wave", tools, *poses, states, wave.step[1:], wave.tau[1:])
+        return _Stretch("wave", tools, *poses, states, wave.step[1:], wave.tau[1:])
 
-    def _leave(self) -> tuple[_Leg, _Leg]:
+    def _leave(self) -> tuple[_Stretch, _Stretch]:
         """Release the ply and rise."""
         last = self.wave.positions[-1:], self.wave.rotations[-1:]
-        height = self.cell.scene.motion.approach_mm * 1e-3
+        height = self._clear_height(last[0])
         rise = self._above_mold(np.linspace(0, height, RETREAT_POSES + 1))
         return (
             self._together("release", rise[:1], last, CupState.RELEASED),

@@ -184,15 +184,23 @@ def _not_drapable(
     cell: Cell, sequence: Sequence, wave: Wave, cause: StrokesError
 ) -> NotDrapableError:
     """Judge the order on the requested poses, which no strokes reach."""
-    poses = wave.positions, wave.rotations
-    contact = judge_contact(cell, sequence, poses, wave.placed, wave.landing)
+    clearance = np.array([0.0, 0.0, cell.scene.motion.clearance_mm * 1e-3])
+    none = np.zeros_like(wave.placed[:1])
+    contact = judge_contact(
+        cell,
+        sequence,
+        (
+            np.concatenate([wave.positions[:1] + clearance, wave.positions]),
+            np.concatenate([wave.rotations[:1], wave.rotations]),
+        ),
+        np.concatenate([none, wave.placed]),
+        np.concatenate([none, wave.landing]),
+    )
     steps = len(sequence.steps)
-    names = [
-        "Start cup, as requested"
-        if step < 0
-        else f"Wave step {step + 1} of {steps}, as requested"
-        for step in wave.step
-    ]
+    names = ["Approach"]
+    for step in wave.step:
+        name = f"Wave step {step + 1} of {steps}" if step >= 0 else "Start cup"
+        names.append(f"{name}, as requested")
     words = sentences(contact.front, names)
     report = {
         "good": False,

@@ -153,7 +153,7 @@ class MoldSection(Section):
     mesh: MeshSection | None = None
     position_m: Vector3 = (0.75, 0.0, 0.20)
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
-    grid_step_mm: Positive = 5.0
+    grid_step_mm: Annotated[float, Field(ge=1, le=20)] = 5.0
 
     @model_validator(mode="after")
     def _one_source(self) -> MoldSection:
@@ -169,7 +169,7 @@ class PlySection(Section):
     areal_mass_kg_m2: NonNegative = 0.31
     bending_stiffness_Nm: Positive = 0.02
     overhang_mm: NonNegative = 20.0
-    sample_mm: Positive = 10.0
+    sample_mm: Annotated[float, Field(ge=2, le=35)] = 10.0
 
 
 class PlacementSection(Section):
@@ -201,7 +201,7 @@ class RectangleBlendPath(Section):
     """The lifted surface rolls down on the sides of the placed rectangle."""
 
     family: Literal["rectangle_blend"] = "rectangle_blend"
-    lift_per_m: Positive = 0.8
+    lift_per_m: Positive = 0.6
     bend_mm: Positive = 120.0
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
     last_gap_mm: Positive = 0.2
@@ -224,7 +224,7 @@ class MotionSection(Section):
     """Heights and times of the path."""
 
     lift_mm: Positive = 120.0
-    approach_mm: Positive = 100.0
+    clearance_mm: Positive = 50.0
     step_time_s: Positive = 4.0
     speed_fraction: Annotated[float, Field(gt=0, le=1)] = 0.25
 

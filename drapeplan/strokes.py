@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csc_matrix
 
 from drapeplan.closures import Chords, Closures
+from drapeplan.frames import rotation_vectors
 from drapeplan.qp import QuadraticProgram, solve
 from drapeplan.robot import Robot, State, face_jacobian
 
@@ -167,18 +168,4 @@ def _errors(
     positions: Array, rotations: Array, request: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Position and rotation vectors from poses to a request, each (n, 3), world."""
-    target_positions, target_rotations = request
-    turn = np.einsum("nij,nkj->nik", target_rotations, rotations)
-    cos = np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
-    axis = np.stack(
-        [
-            turn[:, 2, 1] - turn[:, 1, 2],
-            turn[:, 0, 2] - turn[:, 2, 0],
-            turn[:, 1, 0] - turn[:, 0, 1],
-        ],
-        axis=1,
-    )
-    sin = np.linalg.norm(axis, axis=1) / 2
-    angle = np.arctan2(sin, cos)
-    factor = np.where(sin > 1e-12, angle / np.maximum(2 * sin, 1e-12), 0.5)
-    return target_positions - positions, axis * factor[:, None]
+    return request[0] - positions, rotation_vectors(rotations, request[1])
