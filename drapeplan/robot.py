@@ -40,7 +40,7 @@ __all__ = [
 arm_description = read_arm
 ARM_HOME = (0.0, -1.2, 1.6, -np.pi / 2 - 0.4, -np.pi / 2, -np.pi / 2)
 """[rad] elbow up, tool straight down, s along +x of base_link (a UR10's angles)."""
-STARTS = 32  # further starts: three times what finds all eight postures of a UR10
+STARTS = 32  # further starts: they found all eight postures of a UR10, 16 did not
 
 
 class ReachError(InfeasibleError):
@@ -179,7 +179,7 @@ class Robot:
             q,
             T_world_tool,
             *cup_poses(self.geometry, T_world_tool, legs),
-            J.T.copy(),  # a view that the next call overwrites
+            J.T,
             leg_twists(self.geometry, T_world_tool, legs),
         )
         for array in vars(state).values():

@@ -53,6 +53,15 @@ def test_limits_send_the_search_to_the_other_elbow():
     assert len(ends) == 1
 
 
+def test_of_several_solutions_the_nearest_wins():
+    """Both elbows are farther than NEAR: an elbow of +1 is nearer to +1.3."""
+    seed = np.array([-2.0, 1.0])
+    starts = np.array([[0.7, -1.3], [-0.5, 1.2], [0.6, -1.2]])
+    q, ends = nearest_solution(planar(1.6, 0.1), -LIMIT, LIMIT, seed, starts)
+    assert_allclose(q[1], np.arccos((1.6**2 + 0.1**2) / 2 - 1), atol=EXACT)
+    assert not ends
+
+
 def test_no_solution_returns_where_the_starts_ended():
     starts = spread(-LIMIT, LIMIT, 3)
     residual = planar(2.5, 0.0)
