@@ -369,6 +369,16 @@ def test_first_and_worst_of_many_events_are_kept():
     assert verdict.starts_free is False
 
 
+def test_worst_air_pocket_holds_the_most_air():
+    """Not the deepest: 4 mm deep under one sample, then 3 mm under four."""
+    grid = make_grid(start_cup=0)
+    h = np.zeros((3, *FLAT.shape))
+    h[0] = HIGH
+    h[1, 10, 10] = 4 * MM
+    h[2, 10:12, 10:12] = 3 * MM
+    assert [event.pose for event in check(h, grid).events] == [1, 2]
+
+
 # ---------------------------------------------------------------- input
 
 
