@@ -153,7 +153,8 @@ def natural_length(r0: Array, r1: Array, dr0: Array, dr1: Array) -> Array:
     chord = r1 - r0
     b = 3 * dot(chord, dr0 + dr1)
     a = 22 + 2 * dot(dr0, dr1)
-    return (np.sqrt(b**2 + 36 * a * dot(chord, chord)) - b) / a
+    root = np.sqrt(b**2 + 36 * a * dot(chord, chord))
+    return np.maximum(root - b, 0.0) / a  # chords below 1e-150 m underflow
 
 
 def band_length(
