@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -56,6 +56,7 @@ def printed_weights(s, t, a=1e4, k=2, eps=1e-12):
     return ws, wt
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 10**6), u=UNIT, v=UNIT)
 def test_points_follow_the_printed_equations(seed, u, v):
     a = eight_fibers(seed)
@@ -66,6 +67,7 @@ def test_points_follow_the_printed_equations(seed, u, v):
     assert_allclose(point, expected / (ws + wt), rtol=0, atol=100 * ROUNDING)
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 10**6), u=UNIT)
 def test_constants_of_equation_43_with_the_sign_mended(seed, u):
     """Eq. 41-45 in b0, b1, as printed but for -d b3 in the first bracket of Eq. 43."""
@@ -94,12 +96,14 @@ def test_blend_leaves_each_strip_its_edge():
     assert_allclose(corners, 0.5, rtol=0, atol=ROUNDING)
 
 
+@settings(deadline=None)
 @given(u=UNIT, v=UNIT)
 def test_blend_treats_both_families_alike(u, v):
     assert patch.blend(u, v) + patch.blend(v, u) == pytest.approx(1, abs=ROUNDING)
     assert patch.blend(1 - u, v) == pytest.approx(patch.blend(u, v), abs=1e-9)
 
 
+@settings(deadline=None)
 @given(u=UNIT, v=UNIT)
 def test_weights_are_a_partition_of_unity(u, v):
     rows = patch.weights([u], [v], LS, LT, HALF).reshape(8, 5)

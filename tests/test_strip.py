@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -14,6 +14,7 @@ def fibers(seed):
     return np.random.default_rng(seed).normal(size=(2, 5, 3))
 
 
+@settings(deadline=None)
 @given(seed=st.integers(0, 10**6), u=st.floats(0, 1), y=st.floats(-0.05, 0.05))
 def test_points_follow_equations_24_to_28(seed, u, y):
     a = fibers(seed)
