@@ -6,6 +6,7 @@ import numpy as np
 
 from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict, Spot
 
+SHOWN = 5e-6  # [m] half of the last decimal that a sentence shows
 REMEDIES = {
     EventKind.PREMATURE: "lift the cups outside the front further, or turn them toe-up",
     EventKind.AIR_POCKET: "place the cups around it from the start outward, or lift "
@@ -52,7 +53,7 @@ def _laid_sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
     """The laid state, and what casts doubt on the verdict."""
     high, low = verdict.highest, verdict.lowest
     line = f"Laid, the ply bridges up to {_mm(max(high.value, 0.0))} {_near(high)}"
-    if low.value < 0:
+    if low.value < -SHOWN:
         line += f" and sinks up to {_mm(-low.value)} {_near(low)}"
     lines = [f"{line}."]
     k = int(np.argmax(verdict.laid_deviation))

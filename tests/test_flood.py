@@ -1,4 +1,7 @@
-"""Floods against brute force, and what their margins mean."""
+"""Floods against brute force, and what their margins mean.
+
+No deadlines: the first call compiles, and loads what was compiled.
+"""
 
 import heapq
 
@@ -65,6 +68,7 @@ def random_smooth(seed, shape=(18, 23)):
     return np.round(4 * field / field.std())
 
 
+@settings(deadline=None)
 @given(h=heights, eight_connected=either, data=st.data())
 def test_pass_level_equals_both_brute_forces(h, eight_connected, data):
     seed = data.draw(arrays(bool, h.shape))
@@ -73,7 +77,7 @@ def test_pass_level_equals_both_brute_forces(h, eight_connected, data):
     assert_array_equal(level, rising_water(h, seed, eight_connected))
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(number=st.integers(0, 10**6), eight_connected=either)
 def test_pass_level_equals_dijkstra_on_smooth_fields(number, eight_connected):
     h = random_smooth(number)
@@ -111,6 +115,7 @@ def test_ways_over_corners_only_when_asked():
     assert pass_level(h, seed, False)[3, 3] == 9
 
 
+@settings(deadline=None)
 @given(h=heights, eight_connected=either)
 def test_batches_flips_and_transposes_change_nothing(h, eight_connected):
     seed = np.zeros(h.shape, dtype=bool)
@@ -128,6 +133,7 @@ def test_nothing_is_reached_without_a_seed():
     assert np.isinf(pass_level(np.zeros((3, 4)), np.zeros((3, 4), bool), True)).all()
 
 
+@settings(deadline=None)
 @given(h=heights)
 def test_escape_level_is_the_widest_way_to_the_edge(h):
     assert_array_equal(escape_level(h), -shortest_ways(-h, edge_mask(h.shape), False))
@@ -158,7 +164,7 @@ def test_dip_beyond_a_hump():
 
 
 @pytest.mark.parametrize("which", ["premature", "air"])
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(number=st.integers(0, 10**6))
 def test_margin_is_the_descent_that_is_left(which, number):
     """Lowering the whole ply by the margin makes it happen; by one less does not."""

@@ -28,6 +28,13 @@ def test_good_path():
     assert "starts in contact" not in text
 
 
+def test_laid_state_inside_the_mold():
+    grid = make_grid()
+    h = np.full((1, *grid.areas.shape), HIGH)
+    assert "and sinks up to 0.10 mm" in said(h, grid, -0.1 * MM)
+    assert "sinks" not in said(h, grid, -0.001 * MM)
+
+
 def test_air_pocket_names_where_when_how_much_and_what_to_change():
     grid = make_grid(start_cup=0)
     h = np.zeros((3, *grid.areas.shape))
