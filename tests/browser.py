@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from viewer.scene import Mesh, PlanView
+from viewer.plan_view import Mesh, PlanView
 
 ROWS, COLUMNS, PITCH, OVERHANG = 8, 6, 0.110, 0.040  # [m] ply: 630 x 850 mm
 RADIUS_X, RADIUS_Y = 1.2, 2.5  # [m] of the mold, a paraboloid

@@ -13,6 +13,11 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.errors import DrapeplanError, InputError
+from drapeplan.frames import inverse, moved
+from drapeplan.mold import HeightGrid
+from drapeplan.planner import make_plan
+from drapeplan.scene import scene_from
+from drapeplan.surfaces import Paraboloid
 from tests.browser import (
     COLUMNS,
     ROWS,
@@ -22,15 +27,20 @@ from tests.browser import (
     mold_mesh,
     synthetic_view,
 )
-from viewer import colors, geometry, packing, page
-from viewer.scene import BESIDE, GAP_SHOWN, PENETRATION
+from viewer import colors, geometry, packing, page, scene
+from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION
 
 POSITION = 10e-6  # [m] what a packed position may lose: a hundredth of a fiber's width
 COLOR = 12  # of 255: the published red starts with a kink between two anchors
 SAG = 1e-4  # [m] of a chord of a 20 mm cell on the least radius, both ways
 MOST_BYTES = 4e6  # of the file, for 100 poses of 64 x 86 samples
 HOSTILE = 'Ply "P03" </script><b>x</b> <!-- & \''
-BROWSER = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+on_plan = pytest.mark.xdist_group("planned")  # one worker makes the plan
+
+
+def in_browser(test):
+    """One worker drives the browser; the marker lets a run leave it out."""
+    return pytest.mark.browser(pytest.mark.xdist_group("browser")(test))
 
 
 def unfolded(folded):
@@ -95,7 +105,7 @@ def test_mold_grid_lies_on_the_mold():
 
 def test_grid_follows_a_turned_mold():
     turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1.0]])
-    vertices, faces = mold_mesh(nx=38, ny=47)  # no grid line through a vertex
+    vertices, faces = mold_mesh(nx=38, ny=48)  # no grid line through a vertex
     placement = np.eye(4)
     placement[:3, :3] = turn
     view = synthetic_view(poses=2, samples=(4, 3))
@@ -152,6 +162,104 @@ def test_gap_beside_the_mold_is_no_largest_gap():
     beside = replace(view, gap=gap)
     assert beside.largest_gap()[1] == view.gap[1, 1:].max()
     assert beside.largest_gap()[2] == BESIDE
+
+
+def test_drawn_mold_lies_on_its_grid():
+    surface = Paraboloid(1.2, 2.5)
+    x, y = -0.4 + 0.005 * np.arange(161), -0.5 + 0.005 * np.arange(201)
+    heights = surface.height(*np.meshgrid(x, y, indexing="ij"))
+    covered = np.ones(heights.shape, bool)
+    covered[:40, :60] = False  # a corner of the grid that is no mold
+    grid = HeightGrid((-0.4, -0.5), (0.005, 0.005), heights, covered)
+    placement = np.array([[0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 4], [0, 0, 0, 1.0]])
+    vertices, faces = scene.mold_mesh(grid, placement)
+    local = (vertices - placement[:3, 3]) @ placement[:3, :3]
+    assert_allclose(local[:, 2], surface.height(local[:, 0], local[:, 1]), atol=1e-9)
+    corners = local[faces]
+    edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.all(edges[:, 2] > 0)
+    assert edges[:, 2].sum() / 2 == pytest.approx(0.8 - 0.2 * 0.3, abs=0.02)
+    assert len(vertices) <= scene.NODES**2
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    mold = {"surface": {"kind": "paraboloid", "radius_x_m": 1.2, "radius_y_m": 2.5}}
+    data = {"format": "drapeplan-scene/1", "mold": mold}
+    folder = tmp_path_factory.mktemp("plan")
+    return make_plan(scene_from(data, "test"), folder, "test").plan
+
+
+@pytest.fixture(scope="module")
+def planned(plan):
+    return scene.view_of(plan)
+
+
+@on_plan
+def test_view_has_a_pose_for_each_waypoint(plan, planned):
+    assert planned.poses == len(plan.track.phase)
+    assert list(plan.track.phase) == planned.phases
+    assert planned.good == plan.verdict["good"]
+    assert "paraboloid" in planned.title
+    assert planned.cup_names[6 * 3 + 2] == "3,2"
+
+
+@on_plan
+def test_ply_of_the_view_hangs_on_its_cups(plan, planned):
+    """Held samples lie in the suction faces until the release, then stay."""
+    cell = plan.cell
+    near = np.hypot(
+        cell.sampling.s[None] - 2 * cell.grid.pitch,
+        cell.sampling.t[:, None] - 3 * cell.grid.pitch,
+    )
+    i, j = np.unravel_index(near.argmin(), near.shape)
+    last = plan.track.over_mold.stop
+    cup = 3 * cell.grid.columns + 2
+    away = planned.ply_points[:last, i, j] - planned.cup_positions[:last, cup]
+    normal = planned.cup_rotations[:last, cup, :, 2]
+    assert_allclose(np.sum(away * normal, axis=-1), 0, atol=1e-6)
+    assert_allclose(np.linalg.norm(away, axis=-1), near[i, j], atol=1e-6)
+    assert_array_equal(planned.ply_points[last:], planned.ply_points[last - 1 :][:-1])
+
+
+@on_plan
+def test_gap_of_the_view_is_the_molds(plan, planned):
+    cell = plan.cell
+    to_mold = inverse(cell.world_mold)
+    local, _ = moved(to_mold, planned.ply_points, np.eye(3))
+    over = planned.gap < BESIDE
+    assert over[plan.track.over_mold].mean() > 0.9
+    assert_allclose(planned.gap[over], cell.mold.gap(local)[over], atol=1e-9)
+
+
+@on_plan
+def test_legs_of_the_view_have_their_strokes(plan, planned):
+    length = np.linalg.norm(planned.universals - planned.balls, axis=-1)
+    least = plan.cell.robot.geometry.leg_min
+    assert_allclose(length, least + plan.track.legs[..., 2], atol=1e-9)
+    ends = planned.cup_positions[:, planned.interlinks]
+    links = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=-1)
+    assert_allclose(links, plan.cell.grid.pitch, atol=1e-5)
+
+
+@on_plan
+def test_arm_of_the_view_holds_the_tool(planned):
+    end = planned.arm_meshes[-1].vertices
+    for k in (0, planned.poses // 2, planned.poses - 1):
+        T_world_body, T_world_tool = (
+            planned.arm_placements[k, -1],
+            planned.tool_placement[k],
+        )
+        world = end @ T_world_body[:3, :3].T + T_world_body[:3, 3]
+        below = (world - T_world_tool[:3, 3]) @ T_world_tool[:3, :3]
+        assert abs(below[:, 2].max()) < 2e-3  # the meshes' own detail
+
+
+@on_plan
+def test_preview_of_a_plan_is_repeatable(plan, planned, tmp_path):
+    page.export(planned, tmp_path / "a.html")
+    page.export(scene.view_of(plan), tmp_path / "b.html")
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
 @pytest.fixture(scope="module")
@@ -235,13 +343,7 @@ def preview(browser, file):
     opened.context.close()
 
 
-def mark(test):
-    for marker in BROWSER:
-        test = marker(test)
-    return test
-
-
-@mark
+@in_browser
 def test_page_shows_the_plan(preview, view):
     assert preview.run("document.body.dataset.ready") == "yes", preview.errors
     assert preview.run("viewer.renderer.getContext() instanceof WebGL2RenderingContext")
@@ -253,14 +355,14 @@ def test_page_shows_the_plan(preview, view):
     assert preview.page.title() == HOSTILE
 
 
-@mark
+@in_browser
 def test_texts_of_the_plan_are_never_markup(preview):
     assert preview.page.text_content("#title") == HOSTILE
     assert preview.page.text_content("#subtitle") == HOSTILE
     assert preview.page.locator("header b").count() == 0
 
 
-@mark
+@in_browser
 @pytest.mark.parametrize("pose", [0, 11, 23])
 def test_shapes_are_those_of_the_plan(preview, view, pose):
     preview.run("pose => preview.jump(pose)", pose)
@@ -292,7 +394,7 @@ def test_shapes_are_those_of_the_plan(preview, view, pose):
         assert_allclose(np.reshape(matrix, (4, 4)).T, at, atol=1e-6)
 
 
-@mark
+@in_browser
 def test_cups_and_legs_stand_where_the_plan_says(preview, view):
     """The cylinders themselves, by their matrices: center and length."""
     preview.run("preview.jump(11)")
@@ -311,7 +413,7 @@ def test_cups_and_legs_stand_where_the_plan_says(preview, view):
             assert_allclose(half, 0.0075 * normal, atol=2 * POSITION)
 
 
-@mark
+@in_browser
 def test_colors_follow_the_wave(preview):
     """Contact is dark blue, the lifted ply yellow, placed cups green."""
     preview.run("preview.look('Top')")
@@ -331,7 +433,7 @@ def test_colors_follow_the_wave(preview):
     assert yellow[0] > 0.05
 
 
-@mark
+@in_browser
 def test_slider_keys_and_buttons_move_through_the_poses(preview, view):
     page_, last = preview.page, view.poses - 1
     preview.run("preview.jump(5)")
@@ -356,7 +458,7 @@ def test_slider_keys_and_buttons_move_through_the_poses(preview, view):
     assert preview.run("preview.timer") is None
 
 
-@mark
+@in_browser
 def test_address_holds_pose_and_view(preview):
     preview.run("preview.jump(9)")
     preview.page.locator("#views button", has_text="Side").click()
@@ -394,12 +496,12 @@ def assert_framed(opened):
         assert left + right < 500 or top + bottom < 200, (name, seen)  # fills the room
 
 
-@mark
+@in_browser
 def test_presets_frame_the_scene(preview):
     assert_framed(preview)
 
 
-@mark
+@in_browser
 @pytest.mark.parametrize(
     ("scale", "origin"), [(0.05, (0.2, -0.3, 0.0)), (20.0, (30.0, -50.0, 4.0))]
 )
@@ -412,7 +514,7 @@ def test_presets_frame_any_size_anywhere(browser, tmp_path, scale, origin):
     opened.context.close()
 
 
-@mark
+@in_browser
 def test_panels_do_not_overlap(preview):
     boxes = [
         preview.page.locator(f"#{name}").bounding_box()
@@ -425,7 +527,7 @@ def test_panels_do_not_overlap(preview):
             assert apart_x or apart_y
 
 
-@mark
+@in_browser
 def test_a_cut_file_says_so(browser, file, tmp_path):
     text = file.read_text()
     start = text.index("payload") + 500
@@ -437,7 +539,7 @@ def test_a_cut_file_says_so(browser, file, tmp_path):
     opened.context.close()
 
 
-@mark
+@in_browser
 def test_nothing_is_fetched_and_nothing_complains(preview):
     """Last of the shared page: everything above went without a word."""
     assert preview.errors == []

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from viewer.scene import PlanView
+from viewer.plan_view import PlanView
 
 Array = np.ndarray
 

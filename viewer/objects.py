@@ -9,7 +9,7 @@ import numpy as np
 import umsgpack
 
 from viewer import geometry
-from viewer.scene import PlanView
+from viewer.plan_view import PlanView
 
 Array = np.ndarray
 

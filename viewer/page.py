@@ -13,7 +13,7 @@ import numpy as np
 from drapeplan.errors import DrapeplanError
 from drapeplan.files import write_bytes
 from viewer import colors, geometry, objects, packing
-from viewer.scene import BESIDE, GAP_SHOWN, PENETRATION, PlanView
+from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION, PlanView
 
 Array = np.ndarray
 

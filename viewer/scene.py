@@ -1,153 +1,140 @@
-"""What the preview shows, as plain arrays: the only thing the page is made from."""
+"""From a plan of drapeplan to the plain arrays that the page is made from."""
 
-from dataclasses import dataclass, field, fields
-from typing import NamedTuple
+from pathlib import PurePath
 
 import numpy as np
 
-from drapeplan.errors import InputError
+from drapeplan.frames import inverse, moved
+from drapeplan.judge import ply_over_mold
+from drapeplan.mold import HeightGrid
+from drapeplan.plan import Plan
+from drapeplan.scene import Scene
+from drapeplan.visuals import arm_visuals
+from drapeplan.words import describe, summary
+from urdf.sidecar import neighbor_pairs
+from viewer.geometry import bounds, grid_triangles
+from viewer.plan_view import BESIDE, Mesh, PlanView
+
+__all__ = ["PlanView", "view_of"]
 
 Array = np.ndarray
 
-TOUCH = 0.5e-3  # [m] gap below which the ply counts as touching, as in the front check
-PENETRATION = 1.0e-3  # [m] depth from which penetration is marked: tolerance of a pad
-BESIDE = 1.0  # [m] gap from which a sample hangs beside the mold, over nothing
-GAP_SHOWN = 30e-3  # [m] end of the color scale: the front's neighborhood decides
+NODES = 101  # of the drawn mold along each side: 10 mm on a mold of 1 m
+RIM = 0.04  # [m] of the platform beyond the outer universal joints
+TABLE_RIM = 0.02  # [m] of the pick table beyond the ply
+TABLE_DROP = 2e-3  # [m] of the drawn table below the ply, so that both can be seen
 
 
-class Mesh(NamedTuple):
-    """A rigid body of the arm in its own frame.
+def view_of(plan: Plan) -> PlanView:
+    """Everything the preview shows of a plan.
 
-    Attributes:
-        name: What it is.
-        vertices: Shape (V, 3), in [m].
-        faces: Vertex indices, shape (F, 3).
-        colors: Red, green and blue from 0 to 1, shape (V, 3).
+    Args:
+        plan: The plan; its verdict is shown as the file has it.
+
+    Returns:
+        One pose for each waypoint. After the wave the ply stays as it was laid.
     """
+    cell, track = plan.cell, plan.track
+    robot = cell.robot
+    positions, rotations = track.poses
+    points, gap = ply_of(plan)
+    upper = robot.geometry.universals
+    vertices, faces = mold_mesh(cell.mold, cell.world_mold)
+    visuals = arm_visuals(cell.sources.arm_urdf)
+    platform = np.ptp(upper[:, :2], axis=0) + 2 * RIM
+    turn, shift = track.tool[:, None, :3, :3], track.tool[:, None, :3, 3]
+    return PlanView(
+        title=f"Drape on {mold_name(cell.scene)}",
+        subtitle=(
+            f"Ply model {plan.verdict['ply_model']}, "
+            f"fidelity {plan.verdict['fidelity']}, {robot.columns} x {robot.rows} cups"
+        ),
+        verdict=summary(plan.verdict, plan.judged[1].front, track),
+        good=bool(plan.verdict["good"]),
+        mold_vertices=vertices,
+        mold_faces=faces,
+        ply_points=points,
+        gap=gap,
+        labels=describe(track),
+        phases=list(track.phase),
+        cup_positions=positions,
+        cup_rotations=rotations,
+        cup_states=track.states,
+        cup_names=[f"{i},{j}" for i, j in np.ndindex(robot.rows, robot.columns)],
+        universals=(turn @ upper[..., None])[..., 0] + shift,
+        balls=positions + robot.geometry.ball_height * rotations[..., 2],
+        interlinks=np.array(neighbor_pairs(robot.rows, robot.columns)),
+        half_width=robot.half_width,
+        tool_placement=track.tool,
+        platform_size=(float(platform[0]), float(platform[1])),
+        arm_meshes=[Mesh(*body) for body in visuals.bodies],
+        arm_placements=visuals.placements(track.arm),
+        mold_placement=cell.world_mold,
+        table=pick_table(points[0]),
+    )
 
-    name: str
-    vertices: Array
-    faces: Array
-    colors: Array
 
+def ply_of(plan: Plan) -> tuple[Array, Array]:
+    """The ply at each waypoint.
 
-@dataclass(frozen=True)
-class PlanView:
-    """A drape, pose by pose. K poses, n cups, all coordinates in the world, in [m].
-
-    Attributes:
-        title: First line of the page, any text.
-        subtitle: Second line, any text.
-        verdict: Sentences that say whether the drape is good, and why.
-        good: True where the verdict is good.
-        mold_vertices: Shape (V, 3).
-        mold_faces: Vertex indices, shape (F, 3).
-        ply_points: Samples of the ply, rows along t, shape (K, nt, ns, 3).
-        gap: Signed distance from the mold, positive when free, shape (K, nt, ns);
-            BESIDE or more where there is no mold below.
-        labels: One sentence for each pose, K of them.
-        phases: Name of each pose's phase, K of them.
-        cup_positions: Centers of the suction faces, shape (K, n, 3).
-        cup_rotations: Columns s, t and n; n points from the mold to the tool,
-            shape (K, n, 3, 3).
-        cup_states: Index into colors.CUP_STATES, shape (K, n).
-        cup_names: Name of each cup, such as "3,2", n of them.
-        universals: Upper ends of the legs, shape (K, n, 3).
-        balls: Lower ends of the legs, shape (K, n, 3).
-        interlinks: Cups joined by each interlink, shape (m, 2).
-        half_width: Half side of the square that a cup holds.
-        tool_placement: T_world_tool of tool0, z along the approach, shape (K, 4, 4).
-        platform_size: Size of the tool's platform along its x and y.
-        arm_meshes: Bodies of the arm.
-        arm_placements: T_world_body of each body, shape (K, len(arm_meshes), 4, 4).
-        mold_placement: T_world_mold, directions of the mold's grid lines, shape (4, 4).
-        table: Two opposite corners of the table the ply is picked from, shape (2, 3),
-            or None.
+    Returns:
+        Points in the world, shape (K, nt, ns, 3), and gaps, shape (K, nt, ns), in [m].
     """
+    cell, span = plan.cell, plan.track.over_mold
+    to_mold = inverse(cell.world_mold)
+    before = (pose[: span.start] for pose in plan.track.poses)
+    points, gap, _ = ply_over_mold(cell, *moved(to_mold, *before))
+    contact = plan.judged[1]
+    after = len(plan.track.phase) - span.stop
+    points, gap = (
+        np.concatenate([early, draping, np.repeat(draping[-1:], after, axis=0)])
+        for early, draping in ((points, contact.points), (gap, contact.gap))
+    )
+    world = points @ cell.world_mold[:3, :3].T + cell.world_mold[:3, 3]
+    return world, np.minimum(gap, BESIDE)
 
-    title: str
-    subtitle: str
-    verdict: list[str]
-    good: bool
-    mold_vertices: Array
-    mold_faces: Array
-    ply_points: Array
-    gap: Array
-    labels: list[str]
-    phases: list[str]
-    cup_positions: Array
-    cup_rotations: Array
-    cup_states: Array
-    cup_names: list[str]
-    universals: Array
-    balls: Array
-    interlinks: Array
-    half_width: float
-    tool_placement: Array
-    platform_size: tuple[float, float]
-    arm_meshes: list[Mesh] = field(default_factory=list)
-    arm_placements: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
-    mold_placement: Array = field(default_factory=lambda: np.eye(4))
-    table: Array | None = None
 
-    def __post_init__(self) -> None:
-        """Check shapes and values once, then make the arrays read-only.
+def mold_mesh(mold: HeightGrid, world_mold: Array) -> tuple[Array, Array]:
+    """Triangles through some nodes of a height grid, where they lie on the mold.
 
-        Raises:
-            InputError: If shapes disagree, a number is not finite, a state is unknown.
-        """
-        if not self.arm_meshes:
-            object.__setattr__(self, "arm_placements", np.zeros((self.poses, 0, 4, 4)))
-        for name, shape in self._shapes().items():
-            if np.shape(getattr(self, name)) != shape:
-                found = np.shape(getattr(self, name))
-                raise InputError("preview", name, f"has shape {found}, needs {shape}")
-        if np.max(self.cup_states, initial=0) > 3:
-            raise InputError("preview", "cup_states", "has a state beyond 3")
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                self._freeze(item.name, value)
+    Args:
+        mold: The grid.
+        world_mold: Placement of its frame, shape (4, 4), in [m].
 
-    def _freeze(self, name: str, value: Array) -> None:
-        if not np.all(np.isfinite(value)):
-            raise InputError("preview", name, "has a number that is not finite")
-        value = value.view()
-        value.flags.writeable = False
-        object.__setattr__(self, name, value)
+    Returns:
+        Vertices in the world, shape (V, 3), in [m], and faces, shape (F, 3).
+    """
+    i, j = (_some(n) for n in mold.heights.shape)
+    x, y = (
+        start + step * nodes
+        for start, step, nodes in zip(mold.origin, mold.step, (i, j), strict=True)
+    )
+    X, Y = np.meshgrid(x, y)  # rows along y
+    heights, covered = (v[np.ix_(i, j)].T for v in (mold.heights, mold.covered))
+    faces = grid_triangles(len(j), len(i))
+    faces = faces[covered.ravel()[faces].all(axis=1)]
+    used, faces = np.unique(faces, return_inverse=True)
+    local = np.stack([X, Y, heights], axis=-1).reshape(-1, 3)[used]
+    return local @ world_mold[:3, :3].T + world_mold[:3, 3], faces.reshape(-1, 3)
 
-    def _shapes(self) -> dict[str, tuple[int, ...]]:
-        """Shapes that all arrays must have, given the ply and the names of the cups."""
-        k, n = self.poses, len(self.cup_names)
-        return {
-            "mold_vertices": (len(self.mold_vertices), 3),
-            "mold_faces": (len(self.mold_faces), 3),
-            "ply_points": (*np.shape(self.gap), 3),
-            "gap": (k, *np.shape(self.gap)[1:3]),
-            "labels": (k,),
-            "phases": (k,),
-            "cup_positions": (k, n, 3),
-            "cup_rotations": (k, n, 3, 3),
-            "cup_states": (k, n),
-            "universals": (k, n, 3),
-            "balls": (k, n, 3),
-            "interlinks": (len(self.interlinks), 2),
-            "tool_placement": (k, 4, 4),
-            "arm_placements": (k, len(self.arm_meshes), 4, 4),
-            "mold_placement": (4, 4),
-        }
 
-    @property
-    def poses(self) -> int:
-        """Number of poses K."""
-        return len(self.gap)
+def _some(count: int) -> Array:
+    """Indices of at most NODES nodes at nearly equal distances, ends included."""
+    return np.unique(np.rint(np.linspace(0, count - 1, min(count, NODES))).astype(int))
 
-    def contact_share(self) -> Array:
-        """Share of the ply's samples that touch the mold at each pose, shape (K,)."""
-        return np.mean(self.gap <= TOUCH, axis=(1, 2))
 
-    def largest_gap(self) -> Array:
-        """Largest gap over the mold by pose, shape (K,), in [m]; BESIDE if none."""
-        over = self.gap < BESIDE
-        largest = np.max(self.gap, axis=(1, 2), where=over, initial=-BESIDE)
-        return np.where(over.any(axis=(1, 2)), largest, BESIDE)
+def mold_name(scene: Scene) -> str:
+    """What the mold is called: its file or its kind of surface."""
+    mold = scene.mold
+    if mold.mesh is not None:
+        return PurePath(mold.mesh.path).name
+    return f"a {mold.surface.kind}" if mold.surface is not None else "a mold"
+
+
+def pick_table(ply: Array) -> Array:
+    """Opposite corners of the table below the ply of shape (nt, ns, 3), in [m]."""
+    low, high = bounds(ply)
+    top = low[2] - TABLE_DROP
+    corners = np.array([low - TABLE_RIM, high + TABLE_RIM])
+    corners[:, 2] = min(0.0, top - 0.05), top
+    return corners

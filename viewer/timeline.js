@@ -81,6 +81,9 @@ function drawChart(plan, runs, pose) {
   ink.lineTo(x(0), height - 2);
   ink.fillStyle = "rgba(11, 95, 165, 0.16)";
   ink.fill();
+  ink.fillStyle = "#465261";
+  ink.textAlign = "right";
+  ink.fillText("contact area, 0 to 100 %", x(last) - 4, 10);
   ink.fillStyle = "#1d2733";
   ink.fillRect(x(pose) - 0.5, 0, 1, height);
 }
@@ -136,7 +139,7 @@ class Timeline {
     const { plan } = this, k = Math.max(0, Math.min(this.last, Math.round(pose) || 0));
     this.pose = k;
     for (const part of [this.ply, this.cups, this.bodies]) part.show(k);
-    const text = `${plan.phases[k]} · ${k + 1} of ${this.last + 1} · ${plan.labels[k]}`;
+    const text = `${k + 1} of ${this.last + 1} · ${plan.labels[k]}`;
     byId("label").textContent = text;
     byId("label").title = text;
     byId("slider").value = k;
