@@ -209,7 +209,7 @@ def _unseen(why: str) -> InputError:
 
 
 def _extend(heights: Array, covered: Mask) -> Array:
-    """Heights with those off the mold filled in by a thin plate, straight far away.
+    """Heights with those off the mold filled in, smoothly and straight far away.
 
     Args:
         heights: Heights of the nodes, shape (nx, ny), in [m].
@@ -217,20 +217,15 @@ def _extend(heights: Array, covered: Mask) -> Array:
 
     Returns:
         Heights, the known ones unchanged, with the least sum of squared second
-        differences, shape (nx, ny), in [m].
+        differences along x and y, shape (nx, ny), in [m].
     """
     k = np.arange(heights.size).reshape(heights.shape)
-    bends = [
-        (1.0, (k[:-2], k[1:-1], k[2:]), (1, -2, 1)),
-        (1.0, (k[:, :-2], k[:, 1:-1], k[:, 2:]), (1, -2, 1)),
-        (2**0.5, (k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:]), (1, -1, -1, 1)),
-    ]
     row, column, value, count = [], [], [], 0
-    for weight, nodes, signs in bends:
-        for node, sign in zip(nodes, signs, strict=True):
+    for nodes in ((k[:-2], k[1:-1], k[2:]), (k[:, :-2], k[:, 1:-1], k[:, 2:])):
+        for node, sign in zip(nodes, (1.0, -2.0, 1.0), strict=True):
             row.append(count + np.arange(node.size))
             column.append(node.ravel())
-            value.append(np.full(node.size, weight * sign))
+            value.append(np.full(node.size, sign))
         count += nodes[0].size
     entries = np.concatenate(value), (np.concatenate(row), np.concatenate(column))
     bend = coo_array(entries, shape=(count, heights.size)).tocsc()

@@ -26,6 +26,16 @@ def test_a_symmetric_trapezoid_has_no_shear_in_the_mean():
     assert abs(corner_shear(cell)).min() > 0.4
 
 
+def test_a_node_takes_the_corners_that_meet_there():
+    points = np.random.default_rng(0).normal(size=(3, 3, 3))
+    node = points[1, 1]
+    s = [v / np.linalg.norm(v) for v in (points[1, 2] - node, node - points[1, 0])]
+    t = [v / np.linalg.norm(v) for v in (points[2, 1] - node, node - points[0, 1])]
+    four = [np.arcsin(a @ b) for a in s for b in t]
+    assert_allclose(node_shear(points)[1, 1], np.mean(four))
+    assert_allclose(node_shear(points)[0, 2], corner_shear(points)[0, 1, 1])
+
+
 def test_batches_come_first():
     points = np.random.default_rng(0).normal(size=(2, 3, 4, 5, 3))
     for measure in (corner_shear, cell_shear, node_shear):
