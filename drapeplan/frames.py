@@ -25,9 +25,13 @@ def translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Array:
 
 
 def inverse(T: Array) -> Array:
-    """Inverse of a rigid transform, shape (4, 4)."""
-    R = T[:3, :3].T
-    return pose(R, -R @ T[:3, 3])
+    """Inverse of rigid transforms, shape (..., 4, 4)."""
+    back = np.zeros_like(T)
+    R = np.swapaxes(T[..., :3, :3], -1, -2)
+    back[..., :3, :3] = R
+    back[..., :3, 3] = -(R @ T[..., :3, 3:])[..., 0]
+    back[..., 3, 3] = 1.0
+    return back
 
 
 def rpy(angles: ArrayLike) -> Array:

@@ -145,13 +145,10 @@ class _Builder:
         """The phases in order."""
         path, flat = self.cell.scene.path, self._flat()
         flat_arrival = isinstance(path, HoverPath) and path.arrival == "flat"
-        carried = (
-            flat if flat_arrival else (self.wave.positions[:1], self.wave.rotations[:1])
-        )
-        above = 0.0
-        if flat_arrival:
+        carried, above = (self.wave.positions[:1], self.wave.rotations[:1]), 0.0
+        if isinstance(path, HoverPath) and flat_arrival:
             start = self.targets.positions[self.start_cup, 2]
-            above = start + path.height_mm * 1e-3 - self.flat_height
+            carried, above = flat, start + path.height_mm * 1e-3 - self.flat_height
         descent = self._clear_height(carried[0]) - above
         over = self._above_mold(np.array([above + descent]))[0]
         pick_tool, lifting = self._lift(over)

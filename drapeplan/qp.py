@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 OSQP_OPTIONS = {
     "eps_abs": 1e-7,
     "eps_rel": 1e-7,
-    "max_iter": 40000,
+    "max_iter": 10000,
     "adaptive_rho_interval": 50,
     "polishing": False,
 }
@@ -79,7 +80,9 @@ def solve(problem: QuadraticProgram, solver: str = "osqp") -> QpSolution:
         problem.lower,
         problem.upper,
     )
-    solution = qpsolvers.solve_problem(arguments, solver=solver, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a failure is reported by its residual
+        solution = qpsolvers.solve_problem(arguments, solver=solver, **options)
     x = solution.x
     # an infeasible problem may come back with a huge x, never mind its flag
     if not solution.found or x is None or not np.isfinite(x).all():
