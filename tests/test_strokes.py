@@ -98,14 +98,14 @@ def test_short_fibers_hold_the_cups_back(stand):
     assert found.found
     assert found.chord_excess.max() < 1e-9
     assert np.abs(found.closure).max() < CLOSED
-    assert found.position_error.max() > 1e-7
+    assert found.angle_error.max() > 1e-6  # the cups turn to meet them
 
 
 def test_placed_cups_do_not_move(stand):
     robot, q, (positions, rotations) = stand
     fixed = np.zeros(48, bool)
     fixed[[14, 15, 20, 21]] = True
-    wanted = positions + [0.0, 0.0, 0.002]
+    wanted = np.add(positions, (0.0, 0.0, 0.002))
     found = StrokeSolver(robot, LONGEST).solve(
         q, None, (wanted, rotations), fixed, ~fixed, SLOW
     )
