@@ -75,8 +75,7 @@ def _load(path: Path) -> trimesh.Trimesh:
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # trimesh's readers raise whatever they stumble on
-        reason = " ".join(str(error).split())[:80] or type(error).__name__
-        problem = f"the mesh cannot be read ({reason})"
+        problem = f"the content cannot be read as {path.suffix[1:].upper()}"
         raise InputError(str(path), "", problem, "export it again") from error
     if not isinstance(mesh, trimesh.Trimesh):
         raise InputError(str(path), "", "the mesh has no faces", "export a surface")

@@ -91,7 +91,7 @@ def test_an_unreadable_file_gives_one_line(tmp_path, name, content):
 def test_a_truncated_file_is_refused(tmp_path):
     path = write(bowl(), tmp_path)
     path.write_bytes(path.read_bytes()[:-300])
-    assert "cannot be read" in refusal(path)
+    assert "cannot be read as STL" in refusal(path)
 
 
 def test_points_without_faces_are_refused(tmp_path):
