@@ -118,7 +118,9 @@ class _Follower:
             guess, previous, request, fixed, landing, duration or np.inf
         )
         reason = explain(robot, solution, landing & ~fixed)
-        if reason:
+        if reason:  # the constraint that the request itself breaks says more
+            asked = self.solver.judge(guess, request)
+            reason = explain(robot, asked, landing & ~fixed) or reason
             raise StrokesError(reason, k, path.phase[k], int(path.step[k]))
         q = np.round(solution.q, DIGITS)
         duration = duration or self._shortest_time(q, previous)

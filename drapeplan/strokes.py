@@ -118,7 +118,7 @@ class StrokeSolver:
             q[columns] += solution.x
             if np.abs(solution.x).max() < SETTLED:
                 break
-        return self._judged(q, found, programs, request)
+        return self.judge(q, request, found, programs)
 
     def _program(
         self,
@@ -145,9 +145,21 @@ class StrokeSolver:
         h = (self.longest_fiber - chord) * MILLI
         return H, c, F.tocsc(), h, C.tocsc(), b
 
-    def _judged(
-        self, q: Array, found: bool, programs: int, request: tuple[Array, Array]
+    def judge(
+        self,
+        q: Array,
+        request: tuple[Array, Array],
+        found: bool = True,
+        programs: int = 0,
     ) -> StrokeSolution:
+        """Residuals of joint positions, whoever made them.
+
+        Args:
+            q: Joint positions, shape (nq,).
+            request: Cup positions and rotations asked for.
+            found: Whether every QP was solved.
+            programs: Number of QPs solved.
+        """
         robot = self.robot
         state = robot.kinematics(q)
         poses = state.positions, state.rotations

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from drapeplan.judge import FAR, judge_contact, ply_over_mold
+from drapeplan.planner import make_plan
+from tests.plans import BOWL, EXAMPLES, panel, scene, stages
+
+GENTLE = {"family": "rectangle_blend", "lift_per_m": 0.35}
+
+
+@pytest.fixture(scope="module")
+def convex():
+    return stages(scene())
+
+
+def contact(made, positions=None, rotations=None, **changes):
+    cell, sequence, _, wave = made
+    poses = (
+        wave.positions if positions is None else positions,
+        wave.rotations if rotations is None else rotations,
+    )
+    placed, landing = wave.placed, wave.landing
+    return judge_contact(cell, sequence, poses, placed, landing)
+
+
+def test_the_wave_is_in_order(convex):
+    found = contact(convex)
+    assert found.front.passed
+    assert found.front.contact_area[0] < 0.05
+    assert found.front.contact_area[-1] == pytest.approx(1)
+
+
+def test_a_cup_that_dips_early_is_premature(convex):
+    cell, _, _, wave = convex
+    positions = wave.positions.copy()
+    x, y = positions[3:6, 47, 0], positions[3:6, 47, 1]
+    positions[3:6, 47, 2] = cell.mold.height(x, y)
+    found = contact(convex, positions).front
+    assert not found.in_order
+    assert {event.cup for event in found.events} == {(7, 5)}
+
+
+def test_a_cup_that_stays_up_leaves_an_air_pocket(convex):
+    wave = convex[3]
+    positions = wave.positions.copy()
+    middle = 21  # neighbor of the start cup, inside the placed rectangle
+    last = wave.step == wave.step[-1]
+    positions[last, middle, 2] += 0.01
+    flying = wave.placed.copy()
+    flying[last, middle] = False
+    cell, sequence = convex[:2]
+    positions[-1] = wave.positions[-1]
+    found = judge_contact(
+        cell, sequence, (positions, wave.rotations), flying, wave.landing
+    ).front
+    assert any(event.kind == "air_pocket" for event in found.events)
+
+
+def test_a_ply_pushed_into_the_mold_penetrates(convex):
+    wave = convex[3]
+    positions = wave.positions.copy()
+    positions[4][~wave.placed[4]] -= [0, 0, 0.05]
+    assert contact(convex, positions).front.penetrates
+
+
+def test_ply_beside_the_mold_meets_nothing(convex):
+    cell, _, _, wave = convex
+    away = wave.positions[:1] + np.array([3.0, 0.0, -1.0])
+    gap = ply_over_mold(cell, away, wave.rotations[:1])[1]
+    assert_allclose(gap, FAR)
+
+
+def test_fibers_outside_the_take_up_are_named():
+    made = make_plan(scene(BOWL, path=GENTLE), EXAMPLES, "test")
+    fibers = made.plan.verdict["fibers"]
+    assert not made.plan.verdict["good"]
+    assert fibers["infeasible"]
+    assert fibers["longest_need_mm"] > 0.8
+    names = [entry["fiber"] for entry in fibers["infeasible"]]
+    assert all(name[0] in "st" and "fiber (" in name for name in names)
+
+
+def test_steps_carry_the_least_margins():
+    verdict = panel().plan.verdict
+    margins = verdict["front"]["per_pose"]["premature_margin_mm"]
+    least = min(m for m in margins if m is not None)
+    per_step = [row["premature_margin_mm"] for row in verdict["steps"]]
+    assert min(m for m in per_step if m is not None) == least
+    assert [row["step"] for row in verdict["steps"]] == list(range(8))
+    assert sum(len(row["cups"]) for row in verdict["steps"]) == 48
