@@ -91,7 +91,7 @@ def make_plan(
         motion = follow(cell, path, lambda k: tell("strokes", k / count))
     except StrokesError as error:
         raise _not_drapable(cell, sequence, wave, error) from error
-    track = _track(cell, path, motion)
+    track = make_track(cell, path, motion)
     landing = wave.positions[-1], wave.rotations[-1]
     tell("front", 0.0)
     landing = tuple(np.round(x, 12) + 0.0 for x in landing)
@@ -166,7 +166,8 @@ def refill(cell: Cell) -> dict[str, Any] | None:
     return fill_surface(cell.scene, cell.robot).to_data()
 
 
-def _track(cell: Cell, path: Path, motion: Motion) -> Track:
+def make_track(cell: Cell, path: Path, motion: Motion) -> Track:
+    """Joint positions along a path, with what each cup does."""
     robot = cell.robot
     return Track(
         robot,
