@@ -18,10 +18,8 @@ RUNS = 3  # of each export; the fastest counts
 
 def drape(poses: int, samples: tuple[int, int]) -> PlanView:
     """A ply lowered on a paraboloid from its middle outward, with a UR10 beside it."""
-    t, s = np.meshgrid(
-        *(np.linspace(-x / 2, x / 2, n) for x, n in zip((0.85, 0.63), samples)),
-        indexing="ij",
-    )
+    along_t, along_s = (np.linspace(-0.5, 0.5, n) for n in samples)
+    t, s = np.meshgrid(0.85 * along_t, 0.63 * along_s, indexing="ij")
     front = np.linspace(0, 0.45, poses)[:, None, None]
     z = -(s**2) / 2.4 - t**2 / 5.0
     gap = 0.9 * np.maximum(0, abs(t) - front) ** 2
@@ -49,9 +47,9 @@ def drape(poses: int, samples: tuple[int, int]) -> PlanView:
         cup_positions=cups,
         cup_rotations=np.broadcast_to(np.eye(3), (*cups.shape, 3)),
         cup_states=np.where(lift > 0, 0, 2).astype(np.uint8),
-        cup_names=[f"{a},{b}" for a, b in zip(i, j)],
-        universals=cups * [1, 1, 0] + [0, 0, 0.54],
-        balls=cups + [0, 0, 0.005],
+        cup_names=[f"{a},{b}" for a, b in zip(i, j, strict=True)],
+        universals=cups * np.array([1, 1, 0]) + np.array([0, 0, 0.54]),
+        balls=cups + np.array([0, 0, 0.005]),
         interlinks=np.zeros((0, 2), int),
         half_width=0.02,
         tool_placement=tool,

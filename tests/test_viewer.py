@@ -27,7 +27,7 @@ from tests.browser import (
     mold_mesh,
     synthetic_view,
 )
-from viewer import colors, geometry, packing, page, scene
+from viewer import colors, geometry, objects, packing, page, scene
 from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION
 
 POSITION = 10e-6  # [m] what a packed position may lose: a hundredth of a fiber's width
@@ -180,6 +180,9 @@ def test_drawn_mold_lies_on_its_grid():
     assert np.all(edges[:, 2] > 0)
     assert edges[:, 2].sum() / 2 == pytest.approx(0.8 - 0.2 * 0.3, abs=0.02)
     assert len(vertices) <= scene.NODES**2
+    hole = (local[:, 0] < -0.22) & (local[:, 1] < -0.22)
+    assert not np.any(hole)
+    assert np.any(local[:, 0] < -0.39)
 
 
 @pytest.fixture(scope="module")
@@ -356,6 +359,32 @@ def test_page_shows_the_plan(preview, view):
 
 
 @in_browser
+def test_rigid_parts_are_those_of_the_plan(preview, view):
+    for path, vertices in (
+        ("mold.children.surface", view.mold_vertices),
+        ("arm.children[0]", view.arm_meshes[0].vertices),
+    ):
+        node = (
+            f"viewer.scene_tree.children.meshcat.children.{path}.children['<object>']"
+        )
+        shape = preview.run(
+            f"Array.from({node}.object.geometry.attributes.position.array)"
+        )
+        assert_allclose(np.reshape(shape, (-1, 3)), vertices, atol=1e-6)
+    color = preview.run(f"Array.from({node}.object.geometry.attributes.color.array)")
+    assert_allclose(np.reshape(color, (-1, 3)), view.arm_meshes[0].colors, atol=1e-6)
+    plate = "viewer.scene_tree.children.meshcat.children.tool.children.platform"
+    box = f"{plate}.children.plate.children['<object>'].object.geometry.parameters"
+    lengths = preview.run(f"[{box}.width, {box}.height]")
+    assert_allclose(lengths, view.platform_size)
+    place = f"{plate}.children.plate.children['<object>'].object.position.toArray()"
+    upper = view.tool_placement[0, 2, 3] - view.universals[0, 0, 2]
+    assert_allclose(
+        preview.run(place), [0, 0, upper - objects.THICKNESS / 2], atol=1e-9
+    )
+
+
+@in_browser
 def test_texts_of_the_plan_are_never_markup(preview):
     assert preview.page.text_content("#title") == HOSTILE
     assert preview.page.text_content("#subtitle") == HOSTILE
@@ -474,9 +503,16 @@ def test_address_holds_pose_and_view(preview):
 
 FRAMED = """(name) => {
   preview.look(name);
-  viewer.render();
+  viewer.camera.updateMatrixWorld();
   const preset = preview.plan.views.find((v) => v.name === name);
   const seen = corners(preview.plan.boxes[preset.box]).map((p) => p.project(viewer.camera));
+  viewer.scene.updateMatrixWorld();
+  const mold = viewer.scene_tree.find(["meshcat", "mold", "surface", "<object>"]).object;
+  const point = new MeshCat.THREE.Vector3(), points = mold.geometry.attributes.position;
+  for (let i = 0; i < points.count; i++) {
+    point.fromBufferAttribute(points, i);
+    seen.push(mold.localToWorld(point).project(viewer.camera).clone());
+  }
   const foot = document.getElementById("foot").getBoundingClientRect().top;
   const right = document.getElementById("legend").getBoundingClientRect().left;
   const x = seen.map((p) => (p.x + 1) / 2 * innerWidth);

@@ -11,10 +11,11 @@ from urdf.arm import read_arm
 SAME = 1e-9  # [m] two ways through the same kinematics
 
 PLANAR = """<robot name="two">
-<link name="base"><visual><origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/>
-<geometry><box size="0.2 0.4 0.2"/></geometry></visual></link>
+<link name="base"><visual>
+<origin xyz="0 0 0.1" rpy="1.5707963267948966 0 1.5707963267948966"/>
+<geometry><box size="0.1 0.2 0.3"/></geometry></visual></link>
 <link name="one"><visual><geometry>{shape}</geometry></visual></link>
-<link name="tip"/>
+<link name="tip"><visual><geometry><sphere radius="0.02"/></geometry></visual></link>
 <joint name="a" type="revolute"><parent link="base"/><child link="one"/>
 <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
 <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
@@ -83,8 +84,10 @@ def test_primitives_are_placed_and_kept_exact():
     shape = '<cylinder radius="0.05" length="0.3"/>'
     visuals = arm_visuals(PLANAR.format(shape=shape), detail=0)
     assert not visuals.simplified
-    base, one = visuals.bodies
-    assert_allclose(np.ptp(base.vertices, axis=0), [0.4, 0.2, 0.2], atol=SAME)
+    base, one, tip = visuals.bodies
+    assert visuals.joints == [0, 1, 1]
+    assert_allclose(np.ptp(base.vertices, axis=0), [0.3, 0.1, 0.2], atol=SAME)
+    assert_allclose(tip.vertices.mean(axis=0), [0.7, 0, 0], atol=1e-6)
     assert_allclose(base.vertices[:, 2].min(), 0, atol=SAME)
     assert_allclose(np.ptp(one.vertices[:, 2]), 0.3, atol=SAME)
     placed = visuals.placements(np.array([[np.pi / 2]]))
