@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drapeplan.errors import DrapeplanError
+from drapeplan.motion import schedule
 from drapeplan.path import CupState
 from drapeplan.plan import Plan, document_hash, source_hashes
 from drapeplan.planner import net_facts, refill
@@ -95,6 +96,8 @@ def _differences(plan: Plan) -> Iterator[str]:
         "tool.leg_joint_names", document["tool"]["leg_joint_names"], names
     )
     yield from _states(track, sequence)
+    time = schedule(plan.cell, track.phase, track.step, track.tau, track.q)
+    yield from _compare("waypoints.time_s", track.time, time)
     yield from _compare("scene", document["scene"], plan.scene.model_dump(mode="json"))
     surface = refill(plan.cell)
     if surface is not None:

@@ -24,7 +24,7 @@ LANDED = 1e-4  # [m] largest distance of a landed cup from its target: 0.1 mm
 WAITED = 1e-3  # [m] largest distance of a waiting cup from its request: 1 mm
 ALIGNED = np.radians(0.1)  # [rad] largest angle of a landed cup from its target
 STILL = 1e-12  # [rad], [m] legs that change by less than this do not move
-SHORTEST = 0.05  # [s] shortest time between waypoints
+SHORTEST = 0.05  # [s] shortest time between waypoints outside the wave
 DIGITS = 12  # joint positions are rounded to this, so that a file holds them exactly
 
 
@@ -85,11 +85,41 @@ def follow(
         follower.advance(k)
         if progress:
             progress(k + 1)
-    return Motion(
-        np.stack(follower.rows),
-        np.array(follower.times),
-        np.array(follower.programs),
-    )
+    q = np.stack(follower.rows)
+    time = schedule(cell, path.phase, path.step, path.tau, q)
+    return Motion(q, time, np.array(follower.programs))
+
+
+def schedule(
+    cell: Cell,
+    phase: tuple[str, ...],
+    step: NDArray[np.int_],
+    tau: Array,
+    q: Array,
+) -> Array:
+    """Times of waypoints.
+
+    A wave step takes the scene's time and goes evenly in tau; elsewhere the slowest
+    joint sets the time, at the scene's share of its speed.
+
+    Args:
+        cell: Gives the robot's speeds and the scene's times.
+        phase: Phase of each waypoint.
+        step: Wave step of each waypoint, shape (K,).
+        tau: Progress within it, shape (K,).
+        q: Joint positions, shape (K, nq).
+
+    Returns:
+        Times, shape (K,), in [s], rounded to microseconds.
+    """
+    motion = cell.scene.motion
+    need = (np.abs(np.diff(q, axis=0)) / cell.robot.velocity).max(axis=1)
+    duration = np.maximum(SHORTEST, need / motion.speed_fraction)
+    wave = np.array(phase) == "wave"
+    same = wave[1:] & wave[:-1] & (np.diff(step) == 0)
+    share = tau[1:] - np.where(same, tau[:-1], 0.0)
+    duration = np.where(wave[1:], motion.step_time_s * share, duration)
+    return np.round(np.concatenate([[0.0], np.cumsum(duration)]), 6) + 0.0
 
 
 class _Follower:
@@ -101,7 +131,6 @@ class _Follower:
         self.solver = StrokeSolver(self.robot, cell.sampling.grid.span + take_up)
         self.arm = np.array(cell.scene.robot.home_rad)
         self.rows: list[Array] = []
-        self.times: list[float] = []
         self.programs: list[int] = []
 
     def advance(self, k: int) -> None:
@@ -111,21 +140,17 @@ class _Follower:
             self.arm = np.round(robot.arm_inverse(path.tool[k], self.arm), DIGITS)
         previous = self.rows[-1] if self.rows else None
         guess, fixed = self._guess(k, previous)
-        duration = self._wave_duration(k)
         landing = path.states[k] >= CupState.LANDING
         request = path.positions[k], path.rotations[k]
         solution = self.solver.solve(
-            guess, previous, request, fixed, landing, duration or np.inf
+            guess, previous, request, fixed, landing, self._duration(k)
         )
         reason = explain(robot, solution, landing & ~fixed)
         if reason:  # the constraint that the request itself breaks says more
             asked = self.solver.judge(guess, request)
             reason = explain(robot, asked, landing & ~fixed) or reason
             raise StrokesError(reason, k, path.phase[k], int(path.step[k]))
-        q = np.round(solution.q, DIGITS)
-        duration = duration or self._shortest_time(q, previous)
-        self.times.append(round(self.times[-1] + duration, 6) if k else 0.0)
-        self.rows.append(q)
+        self.rows.append(np.round(solution.q, DIGITS))
         self.programs.append(solution.programs)
 
     def _guess(self, k: int, previous: Array | None) -> tuple[Array, NDArray[np.bool_]]:
@@ -149,22 +174,14 @@ class _Follower:
         guess[columns[standing]] = previous[columns[standing]]
         return guess, standing
 
-    def _wave_duration(self, k: int) -> float:
-        """Time that the wave gives a waypoint, [s]; 0 where the joints set it."""
+    def _duration(self, k: int) -> float:
+        """Time that the wave gives a waypoint, [s]; unlimited elsewhere."""
         path = self.path
         if path.phase[k] != "wave":
-            return 0.0
+            return np.inf
         same = path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
         before = path.tau[k - 1] if same else 0.0
         return float(self.cell.scene.motion.step_time_s * (path.tau[k] - before))
-
-    def _shortest_time(self, q: Array, previous: Array | None) -> float:
-        """Time that the joints need at the scene's share of their speed, [s]."""
-        if previous is None:
-            return 0.0
-        share = self.cell.scene.motion.speed_fraction
-        need = np.abs(q - previous) / self.robot.velocity
-        return max(SHORTEST, float(need.max()) / share)
 
 
 def explain(

@@ -45,6 +45,7 @@ PLACES = {
     "position": ["waypoints", WAVE, "position_m", 40, 1],
     "rotation": ["waypoints", WAVE, "rotation", 40, 0, 1],
     "time": ["waypoints", WAVE, "time_s"],
+    "tau": ["waypoints", WAVE, "tau"],
     "target": ["targets", "position_m", 11, 0],
     "target rotation": ["targets", "rotation", 11, 0, 1],
     "net": ["net", "largest_cell_shear_deg"],
@@ -69,7 +70,7 @@ def test_a_broken_hash_fails_the_check(document):
     assert not found.passed
 
 
-@pytest.mark.parametrize("place", [place for place in PLACES if place != "time"])
+@pytest.mark.parametrize("place", PLACES)
 def test_a_mended_hash_does_not_hide_an_altered_number(document, place):
     found = mended(document, PLACES[place], lambda x: x + 1e-3)
     assert not found.passed
