@@ -31,6 +31,7 @@ from drapeplan.surfaces import (
     Ridge,
     Sphere,
     Step,
+    Trimmed,
 )
 from drapeplan.wave import Grid
 from ply.errors import PlyError
@@ -39,7 +40,7 @@ from ply.shape import PlySampling
 from urdf import read_tool
 
 Array = NDArray[np.float64]
-MARGIN = 0.15  # [m] analytic molds reach this far beyond the ply
+MARGIN = 0.06  # [m] analytic molds reach this far beyond the flat ply
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,13 @@ def read_sources(scene: Scene, folder: Path) -> Sources:
     tool = scene.tool.name or str(_beside(folder, scene.tool.urdf))
     tool_urdf, sidecar = read_tool(tool)
     arm_urdf = arm_description(arm)
-    robot = Robot(arm_urdf, tool_urdf, sidecar)
+    names = {"arm URDF": arm, "tool URDF": tool}
+    names["sidecar"] = str(Path(tool).with_suffix(".yaml"))
+    try:
+        robot = Robot(arm_urdf, tool_urdf, sidecar)
+    except InputError as error:
+        source = names.get(error.source, error.source)
+        raise InputError(source, error.key, error.problem, error.remedy) from error
     mold = _fill(scene, robot, folder)
     return Sources(arm_urdf, tool_urdf, sidecar, mold.to_data())
 
@@ -97,6 +104,7 @@ def read_sources(scene: Scene, folder: Path) -> Sources:
 def build_cell(scene: Scene, sources: Sources) -> Cell:
     """Objects of a scene from what was read."""
     robot = Robot(sources.arm_urdf, sources.tool_urdf, sources.tool_sidecar)
+    _check_home(scene, robot)
     grid = Grid(robot.rows, robot.columns, robot.pitch, robot.half_width)
     cups = CupGrid(grid.rows, grid.columns, grid.pitch, grid.half_width)
     step, overhang = scene.ply.sample_mm * 1e-3, scene.ply.overhang_mm * 1e-3
@@ -113,6 +121,21 @@ def build_cell(scene: Scene, sources: Sources) -> Cell:
         grid,
         sampling,
     )
+
+
+def _check_home(scene: Scene, robot: Robot) -> None:
+    """Refuse a home that the arm cannot take."""
+    home, names = np.array(scene.robot.home_rad), robot.arm_names
+    if len(home) != len(names):
+        problem = f"has {len(home)} angles, the arm {len(names)} joints"
+        raise InputError("scene", "robot.home_rad", problem, "give one for each")
+    lower, upper = robot.lower[robot.arm_columns], robot.upper[robot.arm_columns]
+    beyond = np.flatnonzero((home < lower) | (home > upper))
+    if beyond.size:
+        k = int(beyond[0])
+        problem = f"{home[k]:g} rad is beyond the limits of {names[k]}"
+        remedy = f"stay within {lower[k]:.3f} to {upper[k]:.3f}"
+        raise InputError("scene", "robot.home_rad", problem, remedy)
 
 
 def _beside(folder: Path, path: str | None) -> Path:
@@ -133,14 +156,17 @@ def _fill(scene: Scene, robot: Robot, folder: Path) -> HeightGrid:
 
 
 def fill_surface(scene: Scene, robot: Robot) -> HeightGrid:
-    """Height grid of the scene's analytic surface, large enough for the ply."""
-    step = scene.mold.grid_step_mm * 1e-3
-    needed = _ply_size(scene, robot)
-    offset = np.abs(scene.placement.mold_point_m)
-    turned = np.full(2, np.hypot(*needed)) if scene.placement.warp_deg else needed
-    half = np.ceil((turned / 2 + offset + MARGIN) / step) * step
-    surface = _surface(scene.mold.surface)
-    return HeightGrid.from_surface(surface, float(half[0]), float(half[1]), step)
+    """Height grid of the scene's analytic surface, a margin larger than the ply."""
+    step, place = scene.mold.grid_step_mm * 1e-3, scene.placement
+    half_s, half_t = (float(size) / 2 + MARGIN for size in _ply_size(scene, robot))
+    surface = Trimmed(
+        _surface(scene.mold.surface),
+        place.mold_point_m,
+        (half_s, half_t),
+        float(np.radians(place.warp_deg)),
+    )
+    half_x, half_y = (float(np.ceil(half / step) * step) for half in surface.extent)
+    return HeightGrid.from_surface(surface, half_x, half_y, step)
 
 
 def _ply_size(scene: Scene, robot: Robot) -> Array:

@@ -5,21 +5,26 @@ from __future__ import annotations
 import json
 import os
 import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from drapeplan.console import draw_first_touch, say_error, show_progress, show_verdict
 from drapeplan.errors import DrapeplanError, InputError
+from drapeplan.files import check_outputs, unwritable
 
 if TYPE_CHECKING:
-    from drapeplan.planner import Progress
+    from drapeplan.scene import Scene
 
 # One BLAS thread: sums in one order, so the same bytes every time.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+
+BUG = 70  # exit code of what should never happen
 
 app = typer.Typer(
     add_completion=False,
@@ -41,47 +46,47 @@ def main() -> None:
     as_json = "--json" in sys.argv
     try:
         code = app(standalone_mode=False)
+        sys.stdout.flush()
     except DrapeplanError as error:
-        _say_error(str(error), as_json, error.exit_code, getattr(error, "report", None))
-        lines = getattr(error, "sentences", ())
-        if lines:
-            print("On the requested poses, whatever the tool says:", file=sys.stderr)
-        for line in lines:
-            print(f"  {line}", file=sys.stderr)
         code = error.exit_code
+        say_error(error, as_json)
     except typer.Exit as stop:
         code = stop.exit_code
     except (KeyboardInterrupt, typer.Abort):
         code = 130
+    except BrokenPipeError:  # the reader left early, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 141
     except Exception as error:
-        show = getattr(error, "show", None)  # a usage error of the command line
-        if show is None:
-            raise
-        show()
-        code = 2
+        code = _unforeseen(error, as_json)
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _say_error(text: str, as_json: bool, code: int, report: Any) -> None:
+def _unforeseen(error: Exception, as_json: bool) -> int:
+    """Exit code of a usage error, 2, or of a bug: neither 0, 1 nor 2."""
+    code, text = BUG, f"{type(error).__name__}: {error}"
+    if hasattr(error, "format_message"):  # a usage error of the command line
+        code, text = 2, error.format_message()
+        error.show()  # type: ignore[attr-defined]
+    else:
+        traceback.print_exception(error)
     if as_json:
-        document = {"good": False, "error": text, "exit_code": code}
-        print(json.dumps({**document, **({"report": report} if report else {})}))
-    name = "not drapable" if code == 1 else "error"
-    print(f"{name}: {text}", file=sys.stderr)
+        print(json.dumps({"good": False, "error": text, "exit_code": code}))
+    return code
 
 
 @contextmanager
-def _progress(quiet: bool) -> Iterator[Progress | None]:
-    """Progress on stderr, only where somebody watches."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda stage, share: bar.update(task, description=stage, completed=share)
+def _naming(scene: Path) -> Iterator[None]:
+    """Errors that know a key of the scene, yet not its file, get the file."""
+    try:
+        yield
+    except InputError as error:
+        section = error.source.split(".")[0]
+        if section not in ("scene", "robot", "tool", "mold"):
+            raise
+        parts = [error.source.removeprefix("scene"), error.key]
+        key = ".".join(part for part in parts if part)
+        raise InputError(str(scene), key, error.problem, error.remedy) from error
 
 
 @app.command()
@@ -104,17 +109,17 @@ def plan(
         if seed < 0:
             raise InputError("--seed", "", f"must be at least 0 (found {seed})")
         read = read.model_copy(update={"seed": seed})
-    with _progress(as_json) as progress:
+    written = [output, figure] if figure else [output]
+    check_outputs(written, _inputs(read, scene))
+    with _naming(scene), show_progress(as_json) as progress:
         outcome = make_plan(read, scene.parent, str(scene), progress)
     result = outcome.plan
-    written = [output]
     result.write(output)
     verdict = result.verdict
     lines = summary(verdict, outcome.contact.front, result.track)
     if figure:
-        _draw_first_touch(figure, result, outcome.contact, scene.stem)
-        written.append(figure)
-    _show(verdict, lines, as_json, written=written)
+        draw_first_touch(figure, result, outcome.contact, scene.stem)
+    show_verdict(verdict, lines, as_json, written=written)
     return 0 if verdict["good"] else 1
 
 
@@ -125,6 +130,8 @@ def check(plan_file: PlanFile, figure: Figure = None, as_json: Json = False) -> 
     from drapeplan.plan import Plan
     from drapeplan.words import summary
 
+    if figure:
+        check_outputs([figure], [plan_file])
     result = Plan.read(plan_file)
     found = check_plan(result)
     lines = [
@@ -133,7 +140,7 @@ def check(plan_file: PlanFile, figure: Figure = None, as_json: Json = False) -> 
         *(f"violated: {line}" for line in found.violated),
     ]
     if found.verdict and figure:
-        _draw_first_touch(figure, result, result.judged[1], plan_file.stem)
+        draw_first_touch(figure, result, result.judged[1], plan_file.stem)
     if as_json:
         document = {"good": found.passed, "broken": found.broken}
         document |= {"differing": found.differing, "violated": found.violated}
@@ -143,7 +150,7 @@ def check(plan_file: PlanFile, figure: Figure = None, as_json: Json = False) -> 
     if found.passed:
         print(f"{plan_file}: holds; everything recomputed agrees.")
         facts = summary(found.verdict, result.judged[1].front, result.track)
-        _show(found.verdict, facts, False)
+        show_verdict(found.verdict, facts, False)
     return 0 if found.passed else 1
 
 
@@ -159,8 +166,15 @@ def preview(
     from viewer.page import export
     from viewer.scene import view_of
 
+    check_outputs([output], [plan_file])
     result = Plan.read(plan_file)
-    facts = export(view_of(result), output)
+    try:
+        view = view_of(result)
+    except (LookupError, TypeError, ValueError, ArithmeticError) as error:
+        problem = f"its parts do not fit together ({error})"
+        remedy = "drapeplan check says what was altered"
+        raise InputError(str(plan_file), "", problem, remedy) from error
+    facts = export(view, output)
     if as_json:
         print(json.dumps({"good": True, "written": [str(output)], **facts}))
     else:
@@ -184,22 +198,26 @@ def shape(
     points: Annotated[
         Path | None, typer.Option(help="CSV of material points, header s_mm,t_mm.")
     ] = None,
-    step_mm: Annotated[float, typer.Option(help="Grid step without --points.")] = 10.0,
+    step_mm: Annotated[
+        float, typer.Option(min=0.5, help="Grid step without --points.")
+    ] = 10.0,
     as_json: Json = False,
 ) -> int:
     """Shape of a free-hanging ply from the poses of the cups that hold it."""
     from drapeplan.cups import read_cups, shape_report, shape_table, write_csv
 
+    check_outputs([output], [cups_file, points] if points else [cups_file])
     cups = read_cups(cups_file)
     rows = shape_table(cups, model, points, step_mm * 1e-3)
     write_csv(output, rows)
     report = shape_report(cups, model)
     if as_json:
-        print(json.dumps({"written": [str(output)], **report}))
+        good = not report["failing"]
+        print(json.dumps({"good": good, "written": [str(output)], **report}))
     else:
         print(f"wrote {output}: {len(rows)} points, model {model}")
         for line in report["failing"]:
-            print(f"  {line}")
+            print(f"  {line['text']}")
     return 0 if not report["failing"] else 1
 
 
@@ -209,7 +227,9 @@ def tool(
     name: Annotated[str, typer.Option(help="Name of the tool and its files.")] = "tool",
     rows: Annotated[int, typer.Option(help="Cups along t.")] = 8,
     columns: Annotated[int, typer.Option(help="Cups along s.")] = 6,
-    pitch_mm: Annotated[float, typer.Option(help="Between neighboring cups.")] = 110.0,
+    pitch_mm: Annotated[
+        float, typer.Option(max=10000, help="Between neighboring cups.")
+    ] = 110.0,
     half_width_mm: Annotated[float, typer.Option(help="Half side of a cup.")] = 20.0,
     leg_min_mm: Annotated[float, typer.Option(help="Shortest leg.")] = 150.0,
     leg_max_mm: Annotated[float, typer.Option(help="Longest leg.")] = 450.0,
@@ -223,21 +243,22 @@ def tool(
     from urdf.generate import write_tool
     from urdf.spec import ToolSpec
 
+    spec = ToolSpec(
+        name=name,
+        rows=rows,
+        columns=columns,
+        pitch=pitch_mm * 1e-3,
+        half_width=half_width_mm * 1e-3,
+        leg_min=leg_min_mm * 1e-3,
+        leg_max=leg_max_mm * 1e-3,
+        ball_height=ball_height_mm * 1e-3,
+        interlink_height=interlink_height_mm * 1e-3,
+    )
     try:
-        spec = ToolSpec(
-            name=name,
-            rows=rows,
-            columns=columns,
-            pitch=pitch_mm * 1e-3,
-            half_width=half_width_mm * 1e-3,
-            leg_min=leg_min_mm * 1e-3,
-            leg_max=leg_max_mm * 1e-3,
-            ball_height=ball_height_mm * 1e-3,
-            interlink_height=interlink_height_mm * 1e-3,
-        )
-    except ValueError as error:
-        raise InputError("tool", "", str(error)) from error
-    written = [str(path) for path in write_tool(spec, output)]
+        output.mkdir(parents=True, exist_ok=True)
+        written = [str(path) for path in write_tool(spec, output)]
+    except OSError as error:
+        raise unwritable(output, error) from error
     print(json.dumps({"good": True, "written": written}) if as_json else "", end="")
     if not as_json:
         print(*(f"wrote {path}" for path in written), sep="\n")
@@ -263,74 +284,8 @@ def schema(
     return 0
 
 
-def _draw_first_touch(path: Path, result: Any, contact: Any, title: str) -> None:
-    """The first-touch picture of a plan."""
-    import numpy as np
-
-    from drapeplan.report import first_touch_figure
-
-    track, sampling = result.track, result.cell.sampling
-    span = track.over_mold
-    step = np.maximum.accumulate(np.maximum(track.step[span] + track.tau[span], 0.0))
-    step = np.where(np.array(track.phase[span]) == "wave", step, 0.0)
-    front = contact.front
-    first_touch_figure(
-        path,
-        sampling.s,
-        sampling.t,
-        front.first_touch,
-        step,
-        sampling.grid.centers,
-        result.sequence.index(result.sequence.start_cup),
-        front.events,
-        title,
-        front.premature_region,
-        front.pocket_region,
-        sampling.grid.half_width,
-    )
-
-
-def _show(
-    verdict: dict[str, Any],
-    lines: list[str],
-    as_json: bool,
-    written: list[Path] | None = None,
-) -> None:
-    """Verdict with its margins, and the files written."""
-    files = [str(path) for path in written or []]
-    if as_json:
-        good = verdict["good"]
-        document = {"good": good, "sentences": lines, "written": files}
-        print(json.dumps({**document, "verdict": verdict}))
-        return
-    print("good" if verdict["good"] else "not good")
-    for line in lines:
-        print(f"  {line}")
-    links, landing = verdict["interlinks"], verdict["landing"]
-    limits, fibers = verdict["limits"], verdict["fibers"]
-    low, high = limits["stroke_range_mm"]
-    print(
-        f"  Interlinks within {links['worst_error_mm']:.1e} mm; placed cups within "
-        f"{landing['worst_distance_mm']:.1e} mm and "
-        f"{landing['worst_angle_deg']:.1e} deg of their targets."
-    )
-    print(
-        f"  Strokes {low:.0f} to {high:.0f} mm; "
-        f"{limits['least_joint_room_deg']:.1f} deg to the nearest joint limit."
-    )
-    print(
-        f"  Fibers need {-fibers['largest_surplus_mm']:+.2f} to "
-        f"{fibers['longest_need_mm']:+.2f} mm of a take-up of "
-        f"{fibers['take_up_mm']:g} mm."
-    )
-    print("  step  cups  premature mm  air pocket mm  penetration mm")
-    for row in verdict["steps"]:
-        early, air = (
-            "-" if row[key] is None else f"{row[key]:.2f}"
-            for key in ("premature_margin_mm", "air_margin_mm")
-        )
-        depth = max(row["span_penetration_mm"], row["pad_penetration_mm"])
-        count = len(row["cups"])
-        print(f"  {row['step']:4d}  {count:4d}  {early:>12}  {air:>13}  {depth:14.3f}")
-    for name in files:
-        print(f"wrote {name}")
+def _inputs(read: Scene, scene: Path) -> list[Path]:
+    """Files that a scene is read from."""
+    mesh, urdfs = read.mold.mesh, (read.robot.urdf, read.tool.urdf)
+    named = [mesh.path if mesh else None, *urdfs]
+    return [scene, *(scene.parent / name for name in named if name)]

@@ -18,7 +18,7 @@ from drapeplan.sequence import Sequence
 from drapeplan.track import Track
 from drapeplan.verdict import FrontVerdict, Tolerance
 from ply.fiber import LengthStatus, bubble_height
-from ply.shape import PlyFibers, ply_fibers
+from ply.shape import ply_fibers
 
 Array = NDArray[np.float64]
 
@@ -35,18 +35,16 @@ class Contact:
         points: Ply in the mold frame, shape (K, nt, ns, 3), in [m].
         gap: Signed distance to the mold, shape (K, nt, ns), in [m].
         front: The verdict on the order of contact.
-        fibers: Fibers of each pose.
     """
 
     points: Array
     gap: Array
     front: FrontVerdict
-    fibers: PlyFibers
 
 
 def ply_over_mold(
     cell: Cell, positions: Array, rotations: Array
-) -> tuple[Array, Array, PlyFibers]:
+) -> tuple[Array, Array]:
     """Ply and its gap to the mold.
 
     Args:
@@ -55,15 +53,15 @@ def ply_over_mold(
         rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
 
     Returns:
-        Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m], and
-        the fibers. Beside the mold the gap is FAR.
+        Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m];
+        beside the mold the gap is FAR.
     """
     take_up = cell.scene.ply.take_up_mm * 1e-3
     grid = cell.sampling.grid
     fibers = ply_fibers(grid, positions, rotations, take_up=take_up)
     points = cell.sampling.points(fibers, positions, rotations)
     over = cell.mold.inside(points[..., 0], points[..., 1])
-    return points, np.where(over, cell.mold.gap(points), FAR), fibers
+    return points, np.where(over, cell.mold.gap(points), FAR)
 
 
 def judge_contact(
@@ -82,7 +80,7 @@ def judge_contact(
         placed: Placed cups of each pose, shape (K, n).
         landing: Landing cups of each pose, shape (K, n).
     """
-    points, gap, fibers = ply_over_mold(cell, *poses)
+    points, gap = ply_over_mold(cell, *poses)
     beside = gap[-1] >= FAR
     final = np.where(beside, 0.0, gap[-1])
     sampling, grid = cell.sampling, cell.grid
@@ -103,7 +101,7 @@ def judge_contact(
     )
     gap = np.where(beside, FAR, gap)
     front = check_front(gap, final, samples, placed, landing, tolerance)
-    return Contact(points, gap, front, fibers)
+    return Contact(points, gap, front)
 
 
 def judge(
@@ -117,7 +115,7 @@ def judge(
         targets: Cup poses at which each cup is to land, mold frame.
         track: The drape.
     """
-    span = track.over_mold
+    span = track.held
     to_mold = inverse(cell.world_mold)
     positions, rotations = moved(to_mold, *(pose[span] for pose in track.poses))
     placed, landing = track.placed[span], track.landing[span]
@@ -126,14 +124,15 @@ def judge(
         "interlinks": _interlinks(track),
         "landing": _landing(positions, rotations, placed, targets),
         "limits": _limits(track),
-        "fibers": _fibers(cell, track, contact.fibers, span.start),
+        "fibers": _fibers(cell, track, span.stop),
     }
     front = contact.front.to_dict()
     verdict = {
-        "good": contact.front.passed and all(part["good"] for part in parts.values()),
+        "good": contact.front.passed
+        and contact.front.starts_free
+        and all(part["good"] for part in parts.values()),
         "fidelity": cell.scene.fidelity,
         "ply_model": "quartic within take-up",
-        "first_waypoint": span.start,
         **parts,
         "steps": _steps(track, contact.front, sequence, span),
         "front": front,
@@ -212,14 +211,14 @@ def _limits(track: Track) -> dict[str, Any]:
     }
 
 
-def _fibers(cell: Cell, track: Track, fibers: PlyFibers, first: int) -> dict[str, Any]:
-    """Fiber lengths that the poses ask for, against the take-up band."""
-    L, take_up = cell.sampling.grid.s_length, cell.scene.ply.take_up_mm * 1e-3
-    chords = Chords(track.robot).values(*track.poses)
-    natural = np.concatenate(
-        [_flat(fibers.s_natural, 3), _flat(fibers.t_natural, 3)], axis=1
-    )
-    band = np.concatenate([_flat(fibers.s_band, 3), _flat(fibers.t_band, 3)], axis=1)
+def _fibers(cell: Cell, track: Track, stop: int) -> dict[str, Any]:
+    """Fiber lengths that the held ply asks for, against the take-up band."""
+    L, take_up = cell.sampling.grid.span, cell.scene.ply.take_up_mm * 1e-3
+    poses = [pose[:stop] for pose in track.poses]
+    chords = Chords(track.robot).values(*poses)
+    fibers = ply_fibers(cell.sampling.grid, *poses, take_up=take_up)
+    natural = _joined(fibers.s_natural, fibers.t_natural)
+    band = _joined(fibers.s_band, fibers.t_band)
     change = natural - L
     outside = band != LengthStatus.IN_BAND
     guilty = np.flatnonzero(outside.any(axis=0))
@@ -234,7 +233,7 @@ def _fibers(cell: Cell, track: Track, fibers: PlyFibers, first: int) -> dict[str
         "infeasible": [
             {
                 "fiber": name,
-                "waypoint": first + int(outside[:, i].argmax()),
+                "waypoint": int(outside[:, i].argmax()),
                 "need_mm": _number(1e3 * change[:, i].max()),
                 "surplus_mm": _number(-1e3 * change[:, i].min()),
                 "bubble_mm": _number(1e3 * float(bubble_height(slack[i], L))),
@@ -244,9 +243,9 @@ def _fibers(cell: Cell, track: Track, fibers: PlyFibers, first: int) -> dict[str
     }
 
 
-def _flat(array: NDArray[Any], axes: int) -> NDArray[Any]:
-    """Join the last axes into one."""
-    return array.reshape(*array.shape[:-axes], -1)
+def _joined(s: NDArray[Any], t: NDArray[Any]) -> NDArray[Any]:
+    """Both families in the order of the chords, (K, ...) to (K, n_fibers)."""
+    return np.concatenate([s.reshape(len(s), -1), t.reshape(len(t), -1)], axis=1)
 
 
 def _fiber_name(cell: Cell, index: int) -> str:

@@ -204,13 +204,11 @@ class _Builder:
 
     def _shaped(self, fractions: Array) -> tuple[Array, Array]:
         """From flat to the first pose of the wave, in the mold frame."""
-        first = self.wave.positions[0]
-        mold = self.cell.mold
-        heights = first[:, 2] - mold.height(first[:, 0], first[:, 1])
+        wave = self.wave
         positions, rotations = shaping(
             self.cell.grid,
             (self.flat_xy, self.flat_height),
-            (mold, first[:, :2], heights),
+            (wave.surface, wave.positions[0, :, :2], wave.height),
             fractions[:-1],
         )
         return (

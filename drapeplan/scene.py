@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
-from drapeplan.errors import InputError
+from drapeplan.reading import first_mistake, read_yaml
 
-Vector3 = tuple[float, float, float]
-Vector2 = tuple[float, float]
+# Bounds far beyond any cell, yet short of where float64 loses or overflows.
+Meters = Annotated[float, Field(ge=-100, le=100)]
+Offset = Annotated[float, Field(ge=-10, le=10)]  # [m] along the mold
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+Radians = Annotated[float, Field(ge=-10, le=10)]
+Signed = Annotated[float, Field(ge=-1000, le=1000)]  # [mm] either way
+Size = Annotated[float, Field(gt=0, le=10000)]  # [mm] of a feature or a move
+Width = Annotated[float, Field(ge=1, le=10000)]  # [mm] of what a cup can feel
+Small = Annotated[float, Field(gt=0, le=100)]  # [mm] of a tolerance
+Point3 = tuple[Meters, Meters, Meters]
 CupIndex = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 
 
 class Section(BaseModel):
@@ -29,7 +40,7 @@ class RobotSection(Section):
 
     name: str | None = None
     urdf: str | None = None
-    home_rad: tuple[float, ...] = (0.0, -1.2, 1.6, -1.97, -1.5708, 0.0)
+    home_rad: tuple[Radians, ...] = (0.0, -1.2, 1.6, -1.97, -1.5708, 0.0)
 
     @model_validator(mode="after")
     def _one_source(self) -> RobotSection:
@@ -51,8 +62,17 @@ class ToolSection(Section):
         return self
 
 
-def _signed_radius(**kwargs: Any) -> Any:
-    return Field(description="[m]; negative: concave", **kwargs)
+def _curved(radius: float) -> float:
+    if radius == 0:
+        raise ValueError("a radius of 0 has no surface; kind: plane is flat")
+    if not 0.01 <= abs(radius) <= 1e6:
+        raise ValueError("a radius is 0.01 to 1e6 m either way; kind: plane is flat")
+    return radius
+
+
+Radius = Annotated[
+    float, AfterValidator(_curved), Field(description="[m]; negative: concave")
+]
 
 
 class PlaneSurface(Section):
@@ -65,66 +85,48 @@ class ParaboloidSurface(Section):
     """z = -x^2 / (2 radius_x) - y^2 / (2 radius_y)."""
 
     kind: Literal["paraboloid"]
-    radius_x_m: float = _signed_radius()
-    radius_y_m: float = _signed_radius()
-
-    @model_validator(mode="after")
-    def _no_zero(self) -> ParaboloidSurface:
-        if self.radius_x_m == 0 or self.radius_y_m == 0:
-            raise ValueError("a radius of 0 has no surface; kind: plane is flat")
-        return self
+    radius_x_m: Radius
+    radius_y_m: Radius
 
 
 class SphereSurface(Section):
     """A spherical cap."""
 
     kind: Literal["sphere"]
-    radius_m: float = _signed_radius()
-
-    @model_validator(mode="after")
-    def _no_zero(self) -> SphereSurface:
-        if self.radius_m == 0:
-            raise ValueError("a radius of 0 has no surface")
-        return self
+    radius_m: Radius
 
 
 class CylinderSurface(Section):
     """A cylinder with its axis along y."""
 
     kind: Literal["cylinder"]
-    radius_m: float = _signed_radius()
-
-    @model_validator(mode="after")
-    def _no_zero(self) -> CylinderSurface:
-        if self.radius_m == 0:
-            raise ValueError("a radius of 0 has no surface")
-        return self
+    radius_m: Radius
 
 
 class RidgeSurface(Section):
     """A Gaussian ridge along t."""
 
     kind: Literal["ridge"]
-    height_mm: float = 15.0
-    sigma_mm: Positive = 100.0
-    offset_mm: float = 110.0
+    height_mm: Signed = 15.0
+    sigma_mm: Width = 100.0
+    offset_mm: Signed = 110.0
 
 
 class StepSurface(Section):
     """A smooth step along t."""
 
     kind: Literal["step"]
-    height_mm: float = 30.0
-    width_mm: Positive = 40.0
-    offset_mm: float = 110.0
+    height_mm: Signed = 30.0
+    width_mm: Width = 40.0
+    offset_mm: Signed = 110.0
 
 
 class KindrapeSurface(Section):
     """KinDrape's generic double-curved mold, scaled."""
 
     kind: Literal["kindrape"]
-    relief: float = 0.3
-    size_m: Positive = 1.0
+    relief: Annotated[float, Field(ge=-10, le=10)] = 0.3
+    size_m: Annotated[float, Field(ge=0.1, le=10)] = 1.0
 
 
 SurfaceSection = Annotated[
@@ -142,7 +144,7 @@ SurfaceSection = Annotated[
 class MeshSection(Section):
     """A mesh file; its own coordinates are the mold frame, z up."""
 
-    path: str
+    path: Annotated[str, Field(min_length=1)]
     unit: Literal["mm", "cm", "m", "inch"]
 
 
@@ -151,8 +153,8 @@ class MoldSection(Section):
 
     surface: SurfaceSection | None = None
     mesh: MeshSection | None = None
-    position_m: Vector3 = (0.75, 0.0, 0.20)
-    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
+    position_m: Point3 = (0.75, 0.0, 0.20)
+    rotation_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
     grid_step_mm: Annotated[float, Field(ge=1, le=20)] = 5.0
 
     @model_validator(mode="after")
@@ -165,10 +167,10 @@ class MoldSection(Section):
 class PlySection(Section):
     """The ply and its material."""
 
-    take_up_mm: NonNegative = 0.8
-    areal_mass_kg_m2: NonNegative = 0.31
-    bending_stiffness_Nm: Positive = 0.02
-    overhang_mm: NonNegative = 20.0
+    take_up_mm: Annotated[float, Field(ge=0, le=50)] = 0.8
+    areal_mass_kg_m2: Annotated[float, Field(ge=0, le=100)] = 0.31
+    bending_stiffness_Nm: Annotated[float, Field(gt=0, le=1000)] = 0.02
+    overhang_mm: Annotated[float, Field(ge=0, le=500)] = 20.0
     sample_mm: Annotated[float, Field(ge=2, le=35)] = 10.0
 
 
@@ -176,15 +178,15 @@ class PlacementSection(Section):
     """Which cup meets which point of the mold; default: middle on middle."""
 
     cup: CupIndex | None = None
-    mold_point_m: Vector2 = (0.0, 0.0)
-    warp_deg: float = 0.0
+    mold_point_m: tuple[Offset, Offset] = (0.0, 0.0)
+    warp_deg: Degrees = 0.0
 
 
 class PickSection(Section):
     """The flat table that the ply is picked from."""
 
-    position_m: Vector3 = (0.0, 0.75, 0.20)
-    yaw_deg: float = 0.0
+    position_m: Point3 = (0.0, 0.75, 0.20)
+    yaw_deg: Degrees = 0.0
 
 
 class SequenceSection(Section):
@@ -201,20 +203,20 @@ class RectangleBlendPath(Section):
     """The lifted surface rolls down on the sides of the placed rectangle."""
 
     family: Literal["rectangle_blend"] = "rectangle_blend"
-    lift_per_m: Positive = 0.6
-    bend_mm: Positive = 120.0
+    lift_per_m: Annotated[float, Field(gt=0, le=100)] = 0.6
+    bend_mm: Size = 120.0
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
-    last_gap_mm: Positive = 0.2
+    last_gap_mm: Small = 0.2
 
 
 class HoverPath(Section):
     """The ply arrives, hovers over the mold, and its cups are pressed down."""
 
     family: Literal["hover"]
-    height_mm: Positive = 5.0
+    height_mm: Size = 5.0
     arrival: Literal["flat", "shaped"] = "flat"
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
-    last_gap_mm: Positive = 0.2
+    last_gap_mm: Small = 0.2
 
 
 PathSection = Annotated[RectangleBlendPath | HoverPath, Field(discriminator="family")]
@@ -223,20 +225,20 @@ PathSection = Annotated[RectangleBlendPath | HoverPath, Field(discriminator="fam
 class MotionSection(Section):
     """Heights and times of the path."""
 
-    lift_mm: Positive = 120.0
-    clearance_mm: Positive = 50.0
-    step_time_s: Positive = 4.0
-    speed_fraction: Annotated[float, Field(gt=0, le=1)] = 0.25
+    lift_mm: Size = 120.0
+    clearance_mm: Size = 50.0
+    step_time_s: Annotated[float, Field(ge=0.01, le=3600)] = 4.0
+    speed_fraction: Annotated[float, Field(ge=0.001, le=1)] = 0.25
 
 
 class ToleranceSection(Section):
     """What counts as touching, as a barrier, and as penetration."""
 
-    touch_mm: Positive = 0.5
-    barrier_mm: Positive = 0.5
-    penetration_mm: Positive = 0.3
-    pad_penetration_mm: Positive = 1.0
-    shape_mm: Positive = 0.2
+    touch_mm: Small = 0.5
+    barrier_mm: Small = 0.5
+    penetration_mm: Small = 0.3
+    pad_penetration_mm: Small = 1.0
+    shape_mm: Small = 0.2
 
 
 class Scene(Section):
@@ -267,23 +269,7 @@ def read_scene(path: Path) -> Scene:
         InputError: If the file is missing, is not YAML, or a value is not allowed;
             the message names the file, the key and the remedy.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not a text file"
-        raise InputError(str(path), "", f"cannot read it ({reason})") from error
-    try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or "is not YAML"
-        raise InputError(str(path), line, str(problem), "mend the YAML") from error
-    if not isinstance(data, dict):
-        raise InputError(
-            str(path), "", "holds no keys", "start from a file in examples/"
-        )
-    return scene_from(data, str(path))
+    return scene_from(read_yaml(path), str(path))
 
 
 def scene_from(data: dict[str, Any], source: str) -> Scene:
@@ -291,46 +277,7 @@ def scene_from(data: dict[str, Any], source: str) -> Scene:
     try:
         return Scene.model_validate(data)
     except ValidationError as error:
-        raise _clear_line(error, source) from error
-
-
-def _clear_line(error: ValidationError, source: str) -> InputError:
-    """The first mistake of many as one line; misspelled keys come first."""
-    errors = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    first = errors[0]
-    location = [str(part) for part in first["loc"] if not _is_variant(str(part))]
-    kind, limits = first["type"], first.get("ctx", {})
-    problem = first["msg"].removeprefix("Value error, ")
-    problem = problem[0].lower() + problem[1:]
-    remedy = "drapeplan schema lists what is allowed"
-    if kind == "extra_forbidden":
-        problem = "unknown key"
-        near = difflib.get_close_matches(location[-1], _KEYS, 1)
-        remedy = f"did you mean {near[0]}?" if near else "remove it"
-    elif kind == "missing":
-        problem, remedy = "is missing", "add it"
-    elif kind == "finite_number":
-        problem, remedy = "must be a finite number", "kind: plane is flat"
-        if "radius" not in location[-1]:
-            remedy = "give a finite number"
-    elif kind in _BOUNDS:
-        words, key = _BOUNDS[kind]
-        problem, remedy = f"must be {words} {limits[key]:g}", "mend the number"
-    elif kind == "union_tag_invalid":
-        problem = f"unknown {limits['discriminator']} {limits['tag']!r}"
-        remedy = f"known: {limits['expected_tags']}"
-    elif kind == "union_tag_not_found":
-        problem = f"needs a key {limits['discriminator']}"
-    if not isinstance(first["input"], dict | list | tuple):
-        problem = f"{problem} (found {first['input']!r})"
-    if len(errors) > 1:
-        remedy += f" ({len(errors) - 1} more to mend)"
-    return InputError(source, ".".join(location), problem, remedy)
-
-
-def _is_variant(part: str) -> bool:
-    """Whether pydantic put the chosen variant of a union into an error's place."""
-    return part in _VARIANTS or part.startswith(("tuple[", "literal["))
+        raise first_mistake(error, source, _KEYS, _VARIANTS) from error
 
 
 def _all_keys() -> set[str]:
@@ -344,10 +291,4 @@ _KEYS = sorted(_all_keys())
 _VARIANTS = {
     *("plane", "paraboloid", "sphere", "cylinder", "ridge", "step", "kindrape"),
     *("rectangle_blend", "hover"),
-}
-_BOUNDS = {
-    "greater_than": ("greater than", "gt"),
-    "greater_than_equal": ("at least", "ge"),
-    "less_than": ("less than", "lt"),
-    "less_than_equal": ("at most", "le"),
 }

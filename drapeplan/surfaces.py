@@ -258,3 +258,40 @@ def _published(u: Array, v: Array) -> Field:
     zu = 1.004 - 7.334 * u - 4.4 * v + 9.258 * u**2 + 17.778 * u * v
     zv = 1.089 - 4.4 * u - 7.5 * v + 8.889 * u**2 + 12.963 * v**2
     return z, zu, zv
+
+
+@dataclass(frozen=True)
+class Trimmed(AbstractSurface):
+    """A surface cut to a turned rectangle.
+
+    Attributes:
+        surface: What is cut.
+        center: Middle of the rectangle, [m].
+        half_sizes: Its half sizes along its own axes, [m].
+        angle: Direction of its first axis, [rad].
+    """
+
+    surface: AbstractSurface
+    center: tuple[float, float]
+    half_sizes: tuple[float, float]
+    angle: float = 0.0
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Half sizes about the origin of a box that holds the rectangle, in [m]."""
+        cos, sin = abs(np.cos(self.angle)), abs(np.sin(self.angle))
+        a, b = self.half_sizes
+        x, y = (abs(value) for value in self.center)
+        return float(x + cos * a + sin * b), float(y + sin * a + cos * b)
+
+    def inside(self, x: ArrayLike, y: ArrayLike) -> Mask:
+        """Whether points lie over the surface and in the rectangle."""
+        dx, dy = np.asarray(x, float) - self.center[0], np.asarray(y) - self.center[1]
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        along, across = cos * dx + sin * dy, cos * dy - sin * dx
+        a, b = self.half_sizes
+        return (abs(along) <= a) & (abs(across) <= b) & self.surface.inside(x, y)
+
+    def evaluate(self, x: ArrayLike, y: ArrayLike) -> Field:
+        """Height and slopes of the surface, which goes on beyond the cut."""
+        return self.surface.evaluate(x, y)

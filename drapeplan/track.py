@@ -65,8 +65,6 @@ class Track:
         return np.asarray(self.states == CupState.LANDING)
 
     @property
-    def over_mold(self) -> slice:
-        """Waypoints from the approach to the end of the wave."""
-        first = self.phase.index("approach")
-        last = len(self.phase) - self.phase[::-1].index("wave")
-        return slice(first, last)
+    def held(self) -> slice:
+        """Waypoints from the pick to the end of the wave."""
+        return slice(0, len(self.phase) - self.phase[::-1].index("wave"))

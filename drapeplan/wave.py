@@ -31,6 +31,8 @@ class Wave:
         placed: Cups on the mold at each pose, shape (K, n).
         landing: Cups on their way down, shape (K, n).
         residual: Largest error of an interlink's length, shape (K,), in [m].
+        surface: What the first pose lies on: the mold with its lift.
+        height: Height of the first pose above that surface, [m].
     """
 
     step: NDArray[np.int_]
@@ -40,6 +42,8 @@ class Wave:
     placed: NDArray[np.bool_]
     landing: NDArray[np.bool_]
     residual: Array
+    surface: AbstractSurface
+    height: float
 
 
 @dataclass(frozen=True)
@@ -111,14 +115,15 @@ def _rectangle_blend(
         for rectangle in sequence.rectangles
     ]
     log = _Log(grid, targets, sequence)
-    log.add(WeightedSum(((1.0, mold), (1.0, lifts[0]))), 0, 0.0)
+    lifted = WeightedSum(((1.0, mold), (1.0, lifts[0])))
+    log.add(lifted, 0, 0.0)
     for k, (now, after) in enumerate(pairwise(lifts)):
         landing = log.landing(k)
         gap = float(now.evaluate(*log.xy[landing].T)[0].max())
         for tau in progress(gap, path.last_gap_mm * 1e-3, path.poses_per_step):
             surface = WeightedSum(((1.0, mold), (1 - tau, now), (tau, after)))
             log.add(surface, k, float(tau))
-    return log.wave()
+    return log.wave(lifted, 0.0)
 
 
 def _fronts(
@@ -149,7 +154,7 @@ def _hover(
         for tau in progress(height, path.last_gap_mm * 1e-3, path.poses_per_step):
             offsets = height * np.where(landing, 1 - tau, ~placed)
             log.add(mold, k, float(tau), offsets)
-    return log.wave()
+    return log.wave(mold, height)
 
 
 class _Log:
@@ -190,8 +195,8 @@ class _Log:
             rotations = self.targets.rotations
         self.rows.append((step, tau, net, positions, rotations))
 
-    def wave(self) -> Wave:
-        """All poses as arrays."""
+    def wave(self, surface: AbstractSurface, height: float) -> Wave:
+        """All poses as arrays, with what the first one lies on."""
         step = np.array([row[0] for row in self.rows])
         tau = np.array([row[1] for row in self.rows])
         done = [
@@ -210,13 +215,15 @@ class _Log:
                 ]
             ),
             np.array([row[2].residual for row in self.rows]),
+            surface,
+            height,
         )
 
 
 def shaping(
     grid: Grid,
     flat: tuple[Array, float],
-    shape: tuple[AbstractSurface, Array, Array],
+    shape: tuple[AbstractSurface, Array, float],
     fractions: Array,
 ) -> tuple[Array, Array]:
     """Cup poses from the flat square grid to a shape, nets all the way.
@@ -225,19 +232,19 @@ def shaping(
         grid: The tool's grid.
         flat: xy of the flat cups, shape (n, 2), and the height of their plane, [m].
         shape: Surface that the ply is shaped to, the xy of its net, shape (n, 2), and
-            the cups' heights above it, shape (n,), in [m].
+            its height above that surface, [m].
         fractions: Progress from flat, 0, to the shape, 1, shape (m,).
 
     Returns:
         Positions, shape (m, n, 3), in [m], and rotations, shape (m, n, 3, 3).
     """
-    (flat_xy, height), (surface, shape_xy, offsets) = flat, shape
+    (flat_xy, height), (surface, shape_xy, above) = flat, shape
     free = np.zeros(len(flat_xy), bool)
     nets = []
     for f in fractions:
         blend = WeightedSum(((1 - f, Plane()), (f, surface)))
         near = (1 - f) * flat_xy + f * shape_xy
-        lift = (1 - f) * height + f * offsets
+        lift = np.full(len(near), (1 - f) * height + f * above)
         size = (grid.rows, grid.columns, grid.pitch)
         nets.append(nearest_net(blend, near, *size, free, lift))
     return (

@@ -48,9 +48,11 @@ def describe(track: Track) -> list[str]:
 def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[str]:
     """One sentence for each thing that makes a verdict bad, worst kind first."""
     lines = []
-    names = labels(track)[verdict["first_waypoint"] :]
+    names = labels(track)
     if not front.passed:
         lines += sentences(front, names)[: 1 + len(front.events)]
+    if not front.starts_free:
+        lines.append("The ply is picked where the mold stands: move one of them.")
     links = verdict["interlinks"]
     if not links["good"]:
         a, b = links["between"]
@@ -97,7 +99,7 @@ def _fiber_lines(fibers: dict[str, Any]) -> list[str]:
 
 def summary(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[str]:
     """The verdict, what it rests on, and its margins."""
-    names = labels(track)[verdict["first_waypoint"] :]
+    names = labels(track)
     lines = failures(verdict, front, track)
     if not lines:
         lines = sentences(front, names)

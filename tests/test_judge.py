@@ -89,3 +89,10 @@ def test_steps_carry_the_least_margins():
     assert min(m for m in per_step if m is not None) == least
     assert [row["step"] for row in verdict["steps"]] == list(range(8))
     assert sum(len(row["cups"]) for row in verdict["steps"]) == 48
+
+
+def test_a_ply_picked_where_the_mold_stands_is_refused():
+    near = scene(pick={"position_m": [0.4, 0.4, 0.2]})
+    verdict = make_plan(near, EXAMPLES, "test").plan.verdict
+    assert not verdict["front"]["starts_free"]
+    assert not verdict["good"]

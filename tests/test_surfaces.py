@@ -12,6 +12,7 @@ from drapeplan.surfaces import (
     Ridge,
     Sphere,
     Step,
+    Trimmed,
 )
 
 STEP = 1e-6  # [m] of central differences: error about 1e-10 at these curvatures
@@ -29,6 +30,7 @@ SURFACES = [
     Ridge(),
     Step(),
     KinDrape(0.3, 1.0),
+    Trimmed(Paraboloid(1.2, 2.5), (0.05, 0.0), (0.3, 0.4), 0.5),
 ]
 
 
@@ -141,3 +143,21 @@ def test_gap_is_zero_on_the_surface_and_positive_above():
     assert_allclose(surface.gap(p), 0, atol=EXACT)
     for h in (2e-3, -2e-3):
         assert_allclose(surface.gap(p + h * n), h, atol=8e-6)  # [m] about h^2 / R
+
+
+@given(angle=st.floats(-3, 3), x=st.floats(-0.6, 0.6), y=st.floats(-0.6, 0.6))
+def test_trimming_cuts_a_turned_rectangle(angle, x, y):
+    cut = Trimmed(Plane(), (0.1, -0.05), (0.3, 0.4), angle)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    along, across = turn @ [x - 0.1, y + 0.05]
+    assert cut.inside(x, y) == (abs(along) <= 0.3 and abs(across) <= 0.4)
+    half_x, half_y = cut.extent
+    if cut.inside(x, y):
+        assert abs(x) <= half_x
+        assert abs(y) <= half_y
+
+
+def test_trimming_keeps_what_is_off_the_surface_off():
+    cut = Trimmed(Sphere(0.2), (0.0, 0.0), (0.3, 0.4))
+    assert cut.inside(0.1, 0.1)
+    assert not cut.inside(0.25, 0.0)

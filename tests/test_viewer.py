@@ -216,7 +216,7 @@ def test_ply_of_the_view_hangs_on_its_cups(plan, planned):
         cell.sampling.t[:, None] - 3 * cell.grid.pitch,
     )
     i, j = np.unravel_index(near.argmin(), near.shape)
-    last = plan.track.over_mold.stop
+    last = plan.track.held.stop
     cup = 3 * cell.grid.columns + 2
     away = planned.ply_points[:last, i, j] - planned.cup_positions[:last, cup]
     normal = planned.cup_rotations[:last, cup, :, 2]
@@ -231,7 +231,7 @@ def test_gap_of_the_view_is_the_molds(plan, planned):
     to_mold = inverse(cell.world_mold)
     local, _ = moved(to_mold, planned.ply_points, np.eye(3))
     over = planned.gap < BESIDE
-    assert over[plan.track.over_mold].mean() > 0.9
+    assert over[np.array(plan.track.phase) == "wave"].mean() > 0.9
     assert_allclose(planned.gap[over], cell.mold.gap(local)[over], atol=1e-9)
 
 

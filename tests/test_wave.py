@@ -80,9 +80,9 @@ def test_shaping_starts_square_and_ends_in_the_shape():
     grid, first = cell.grid, wave.positions[0]
     i, j = np.divmod(np.arange(48), 6)
     flat = np.stack([j, i], axis=1) * grid.pitch - [0.275, 0.385]
-    heights = first[:, 2] - cell.mold.height(*first[:, :2].T)
-    shape = cell.mold, first[:, :2], heights
+    shape = wave.surface, first[:, :2], wave.height
     positions, rotations = shaping(grid, (flat, 0.07), shape, np.array([0.0, 0.5, 1.0]))
     assert_allclose(positions[0], np.column_stack([flat, np.full(48, 0.07)]), atol=LINK)
     assert_allclose(rotations[0], np.broadcast_to(np.eye(3), (48, 3, 3)), atol=LINK)
     assert_allclose(positions[-1], first, atol=LINK)
+    assert_allclose(rotations[-1], wave.rotations[0], atol=LINK)

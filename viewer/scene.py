@@ -4,8 +4,6 @@ from pathlib import PurePath
 
 import numpy as np
 
-from drapeplan.frames import inverse, moved
-from drapeplan.judge import ply_over_mold
 from drapeplan.mold import HeightGrid
 from drapeplan.plan import Plan
 from drapeplan.scene import Scene
@@ -80,15 +78,11 @@ def ply_of(plan: Plan) -> tuple[Array, Array]:
     Returns:
         Points in the world, shape (K, nt, ns, 3), and gaps, shape (K, nt, ns), in [m].
     """
-    cell, span = plan.cell, plan.track.over_mold
-    to_mold = inverse(cell.world_mold)
-    before = (pose[: span.start] for pose in plan.track.poses)
-    points, gap, _ = ply_over_mold(cell, *moved(to_mold, *before))
-    contact = plan.judged[1]
-    after = len(plan.track.phase) - span.stop
+    cell, contact = plan.cell, plan.judged[1]
+    after = len(plan.track.phase) - plan.track.held.stop
     points, gap = (
-        np.concatenate([early, draping, np.repeat(draping[-1:], after, axis=0)])
-        for early, draping in ((points, contact.points), (gap, contact.gap))
+        np.concatenate([held, np.repeat(held[-1:], after, axis=0)])
+        for held in (contact.points, contact.gap)
     )
     world = points @ cell.world_mold[:3, :3].T + cell.world_mold[:3, 3]
     return world, np.minimum(gap, BESIDE)

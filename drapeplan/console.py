@@ -1,0 +1,150 @@
+"""What the command line prints: verdicts, errors, progress, the first-touch picture."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drapeplan.errors import DrapeplanError
+from drapeplan.files import unwritable
+
+if TYPE_CHECKING:
+    from drapeplan.planner import Progress
+
+
+def say_error(error: DrapeplanError, as_json: bool) -> None:
+    """One line on stderr; what was found beside it follows, indented.
+
+    Args:
+        error: What ended the command; it may carry a report and sentences.
+        as_json: Whether stdout gets one JSON document.
+    """
+    report, lines = getattr(error, "report", None), getattr(error, "sentences", ())
+    if as_json:
+        document = {"good": False, "error": str(error), "exit_code": error.exit_code}
+        print(json.dumps({**document, **({"report": report} if report else {})}))
+    name = "not drapable" if error.exit_code == 1 else "error"
+    print(f"{name}: {error}", file=sys.stderr)
+    if lines:
+        print("On the requested poses, whatever the tool says:", file=sys.stderr)
+    for line in lines:
+        print(f"  {line}", file=sys.stderr)
+
+
+@contextmanager
+def show_progress(quiet: bool) -> Iterator[Progress | None]:
+    """Progress on stderr, only where somebody watches.
+
+    Args:
+        quiet: Whether to show none at all.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)
+
+
+def draw_first_touch(path: Path, result: Any, contact: Any, title: str) -> None:
+    """The first-touch picture of a plan.
+
+    Args:
+        path: PNG to write.
+        result: The plan.
+        contact: The ply that its verdict rests on.
+        title: Title of the picture.
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
+    import numpy as np
+
+    from drapeplan.report import first_touch_figure
+
+    track, sampling = result.track, result.cell.sampling
+    span = track.held
+    step = np.maximum.accumulate(np.maximum(track.step[span] + track.tau[span], 0.0))
+    step = np.where(np.array(track.phase[span]) == "wave", step, 0.0)
+    front = contact.front
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph")  # titles in any script
+            first_touch_figure(
+                path,
+                sampling.s,
+                sampling.t,
+                front.first_touch,
+                step,
+                sampling.grid.centers,
+                result.sequence.index(result.sequence.start_cup),
+                front.events,
+                title,
+                front.premature_region,
+                front.pocket_region,
+                sampling.grid.half_width,
+            )
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def show_verdict(
+    verdict: dict[str, Any],
+    lines: list[str],
+    as_json: bool,
+    written: list[Path] | None = None,
+) -> None:
+    """Verdict with its margins, and the files written, on stdout.
+
+    Args:
+        verdict: The verdict as plain data.
+        lines: The same in words.
+        as_json: Whether one JSON document is wanted.
+        written: Files written.
+    """
+    files = [str(path) for path in written or []]
+    if as_json:
+        good = verdict["good"]
+        document = {"good": good, "sentences": lines, "written": files}
+        print(json.dumps({**document, "verdict": verdict}))
+        return
+    print("good" if verdict["good"] else "not good")
+    for line in lines:
+        print(f"  {line}")
+    links, landing = verdict["interlinks"], verdict["landing"]
+    limits, fibers = verdict["limits"], verdict["fibers"]
+    low, high = limits["stroke_range_mm"]
+    print(
+        f"  Interlinks within {links['worst_error_mm']:.1e} mm; placed cups within "
+        f"{landing['worst_distance_mm']:.1e} mm and "
+        f"{landing['worst_angle_deg']:.1e} deg of their targets."
+    )
+    print(
+        f"  Strokes {low:.0f} to {high:.0f} mm; "
+        f"{limits['least_joint_room_deg']:.1f} deg to the nearest joint limit."
+    )
+    print(
+        f"  Fibers need {-fibers['largest_surplus_mm']:+.2f} to "
+        f"{fibers['longest_need_mm']:+.2f} mm of a take-up of "
+        f"{fibers['take_up_mm']:g} mm."
+    )
+    print("  step  cups  premature mm  air pocket mm  penetration mm")
+    for row in verdict["steps"]:
+        early, air = (
+            "-" if row[key] is None else f"{row[key]:.2f}"
+            for key in ("premature_margin_mm", "air_margin_mm")
+        )
+        depth = max(row["span_penetration_mm"], row["pad_penetration_mm"])
+        count = len(row["cups"])
+        print(f"  {row['step']:4d}  {count:4d}  {early:>12}  {air:>13}  {depth:14.3f}")
+    for name in files:
+        print(f"wrote {name}")
