@@ -1,7 +1,6 @@
 """From a scene to a checked plan: seconds of each stage, and of the whole command."""
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,12 @@ from drapeplan.sequence import make_sequence
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SCENES = ("panel", "kindrape", "saddle")
+MEASURED = """
+import sys
+from drapeplan.cli import app
+app(sys.argv[1:], standalone_mode=False)
+sys.stderr.write(open("/proc/self/status").read())
+"""
 
 
 def run(quick: bool) -> dict:
@@ -68,14 +73,16 @@ def _command(name: str) -> dict:
     """Wall time and peak memory of the command, first with no compiled kernels."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/numba"}
-        command = [sys.executable, "-m", "drapeplan", "plan"]
+        command = [sys.executable, "-c", MEASURED, "plan"]
         command += [str(EXAMPLES / f"{name}.yaml"), "-o", f"{folder}/plan.json"]
         times = []
         for _ in range(2):
             start = time.perf_counter()
-            subprocess.run(command, env=environment, check=True, capture_output=True)
+            done = subprocess.run(
+                command, env=environment, check=True, capture_output=True, text=True
+            )
             times.append(round(time.perf_counter() - start, 2))
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    peak = int(done.stderr.split("VmHWM:")[1].split()[0]) / 1024
     return {
         "command_cold_s": times[0],
         "command_s": times[1],
