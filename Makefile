@@ -1,12 +1,13 @@
-# make demo   plans a real scene and writes its preview
-# make test   lint, types and tests
-# make bench  the benchmarks
+# make demo      plans a real scene and writes its preview
+# make test      lint, types and tests
+# make bench     the benchmarks
+# make pictures  the README's pictures
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench pictures clean
 
 demo: $(READY)
 	$(RUN)/drapeplan plan examples/panel.yaml -o build/plan.json --figure build/first-touch.png
@@ -21,6 +22,9 @@ lint: $(READY)
 	$(RUN)/ruff check .
 	$(RUN)/ruff format --check .
 	$(RUN)/mypy
+
+pictures: $(READY)
+	$(RUN)/drapeplan plan examples/panel.yaml -o build/plan.json --figure docs/first-touch.png
 
 bench: $(READY)
 	$(RUN)/python -m benchmarks all
