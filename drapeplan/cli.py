@@ -25,6 +25,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 BUG = 70  # exit code of what should never happen
+LEFT = 141  # exit code where the reader of stdout left early, as `head` does
 
 app = typer.Typer(
     add_completion=False,
@@ -54,9 +55,11 @@ def main() -> None:
         code = stop.exit_code
     except (KeyboardInterrupt, typer.Abort):
         code = 130
-    except BrokenPipeError:  # the reader left early, as `head` does
+    except SystemExit as stop:  # typer's own answer to a broken pipe is 1
+        code = LEFT if isinstance(stop.__context__, BrokenPipeError) else stop.code
+    except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 141
+        code = LEFT
     except Exception as error:
         code = _unforeseen(error, as_json)
     sys.exit(code if isinstance(code, int) else 0)

@@ -1,0 +1,47 @@
+"""Every example scene is planned as its user would, with the answer it stands for."""
+
+import json
+import runpy
+
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+
+from tests.plans import EXAMPLES
+
+ROUNDED = 1e-4  # [mm] STL holds single precision: 500 mm to 3e-5
+ANSWERS = {
+    "border_first": 1,
+    "kindrape": 0,
+    "panel": 0,
+    "paraboloid": 0,
+    "saddle": 0,
+}
+
+
+def test_every_example_is_listed():
+    assert sorted(ANSWERS) == sorted(path.stem for path in EXAMPLES.glob("*.yaml"))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "code"), ANSWERS.items(), ids=list(ANSWERS))
+def test_example(drapeplan, tmp_path, name, code):
+    output = tmp_path / "plan.json"
+    ended = drapeplan("plan", EXAMPLES / f"{name}.yaml", "-o", output, "--json")
+    assert ended.code == code, ended.err
+    assert ended.document["good"] is (code == 0)
+    if code:
+        assert ended.line.startswith("not drapable: ")
+        return
+    assert ended.err == ""
+    assert json.loads(output.read_text())["verdict"] == ended.document["verdict"]
+
+
+def test_molds_are_those_that_their_script_makes():
+    make = runpy.run_path(str(EXAMPLES / "molds" / "make_molds.py"))["MOLDS"]
+    files = sorted(path.name for path in (EXAMPLES / "molds").glob("*.stl"))
+    assert sorted(make) == files
+    for name in files:
+        stored, made = trimesh.load_mesh(EXAMPLES / "molds" / name), make[name]()
+        assert len(stored.faces) == len(made.faces)
+        assert_allclose(stored.triangles, made.triangles, rtol=0, atol=ROUNDED)
