@@ -41,6 +41,7 @@ from urdf import read_tool
 
 Array = NDArray[np.float64]
 MARGIN = 0.06  # [m] analytic molds reach this far beyond the flat ply
+MOST_SAMPLES = 150_000  # [-] 2 GB of ply shapes along a path of a hundred poses
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,11 @@ def build_cell(scene: Scene, sources: Sources) -> Cell:
     grid = Grid(robot.rows, robot.columns, robot.pitch, robot.half_width)
     cups = CupGrid(grid.rows, grid.columns, grid.pitch, grid.half_width)
     step, overhang = scene.ply.sample_mm * 1e-3, scene.ply.overhang_mm * 1e-3
+    samples = int(np.prod(_ply_size(scene, robot) / step + 1))
+    if samples > MOST_SAMPLES:
+        problem = f"{scene.ply.sample_mm:g} mm gives {samples} points of the ply"
+        remedy = f"{MOST_SAMPLES} are the most: use a coarser step or less overhang"
+        raise InputError("scene", "ply.sample_mm", problem, remedy)
     try:
         sampling = PlySampling.regular(cups, step, overhang)
     except PlyError as error:
@@ -157,13 +163,13 @@ def _fill(scene: Scene, robot: Robot, folder: Path) -> HeightGrid:
 
 def fill_surface(scene: Scene, robot: Robot) -> HeightGrid:
     """Height grid of the scene's analytic surface, a margin larger than the ply."""
-    step, place = scene.mold.grid_step_mm * 1e-3, scene.placement
+    step, warp = scene.mold.grid_step_mm * 1e-3, np.radians(scene.placement.warp_deg)
     half_s, half_t = (float(size) / 2 + MARGIN for size in _ply_size(scene, robot))
     surface = Trimmed(
         _surface(scene.mold.surface),
-        place.mold_point_m,
+        _ply_middle(scene, robot),
         (half_s, half_t),
-        float(np.radians(place.warp_deg)),
+        float(warp),
     )
     half_x, half_y = (float(np.ceil(half / step) * step) for half in surface.extent)
     return HeightGrid.from_surface(surface, half_x, half_y, step)
@@ -173,6 +179,17 @@ def _ply_size(scene: Scene, robot: Robot) -> Array:
     """Size of the flat ply along s and t, shape (2,), in [m]."""
     edge = 2 * (robot.half_width + scene.ply.overhang_mm * 1e-3)
     return np.array([robot.columns - 1, robot.rows - 1]) * robot.pitch + edge
+
+
+def _ply_middle(scene: Scene, robot: Robot) -> tuple[float, float]:
+    """Where the middle of the ply would land on a flat mold, x and y, in [m]."""
+    place, rows, columns = scene.placement, robot.rows, robot.columns
+    i, j = place.cup or ((rows - 1) / 2, (columns - 1) / 2)
+    s = ((columns - 1) / 2 - j) * robot.pitch
+    t = ((rows - 1) / 2 - i) * robot.pitch
+    cos, sin = np.cos(np.radians(place.warp_deg)), np.sin(np.radians(place.warp_deg))
+    x, y = place.mold_point_m
+    return float(x + cos * s - sin * t), float(y + sin * s + cos * t)
 
 
 def _surface(section: SurfaceSection | None) -> AbstractSurface:

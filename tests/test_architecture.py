@@ -209,19 +209,3 @@ def test_no_module_comes_back_to_itself(name):
         todo += found - seen
         seen |= found
     assert name not in seen
-
-
-@pytest.mark.parametrize("name", MODULES)
-def test_every_module_has_its_test(name):
-    """The same stem, or the list of those that others cover."""
-    covered = {
-        *("__main__", "cli", "console", "errors", "files"),  # test_cli
-        *("reading", "cell", "scene"),  # test_scene, test_cli
-        *("motion", "planner", "track", "words"),  # test_plan, test_check
-        *("cups_file", "verdict"),  # test_cups, test_front
-        *("sampling", "weave"),  # test_shape
-    }
-    top, stem = name.split(".")[0], name.split(".")[-1]
-    if top in ("urdf", "viewer") or stem in OURS or stem in covered:
-        return
-    assert (ROOT / "tests" / f"test_{stem}.py").is_file()

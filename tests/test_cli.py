@@ -7,8 +7,10 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 
 from drapeplan import cli
 from drapeplan.files import write_text
@@ -18,6 +20,7 @@ from tests.plans import BOWL, EXAMPLES, PARABOLOID
 HELP_SECONDS = 1.0  # [s] the aim is 0.4; the best of five on a busy machine
 PLAN_SECONDS = 30.0  # [s] the aim is 15; twice that on a busy machine
 PLAN_BYTES = 1e9  # [B] peak memory of a plan, which no load changes
+ANCHORED = 1e-3  # [m] landed cup from its placement: nets drift along the wave
 HEAVY = {"numpy", "scipy", "numba", "pinocchio", "pydantic", "yaml", "trimesh"}
 HEAVY |= {"meshcat", "matplotlib", "qpsolvers", "osqp", "rich.progress", "viewer"}
 
@@ -54,6 +57,7 @@ CASES = [
     unreadable("ply", {"take_up_mm": -0.1}, "ply.take_up_mm", "at least 0", "-0.1"),
     unreadable("ply", {"sample_mm": 7}, "ply.sample_mm", "7 mm", "divide"),
     unreadable("ply", {"overhang_mm": 1e6}, "ply.overhang_mm", "at most"),
+    unreadable("ply", {"sample_mm": 2, "overhang_mm": 500}, "sample_mm", "points"),
     unreadable("motion", {"step_time_s": 1e-300}, "motion.step_time_s", "at least"),
     unreadable("placement", {"mold_point_m": [1e6, 0]}, "mold_point_m", "at most"),
     unreadable("mold", {"mesh": {"path": "no.stl", "unit": "mm"}}, "no.stl", "no such"),
@@ -376,6 +380,23 @@ def test_tool_of_another_size_is_planned(drapeplan, write_scene, tmp_path):
     assert "<html" in page.read_text(encoding="utf-8")[:500]
     left = sorted(path.name for path in (tmp_path / "new").iterdir())
     assert left == ["page.html", "plan ü.json", "touch.png"]
+
+
+@pytest.mark.parametrize("warp_deg", [0.0, 120.0])
+def test_ply_hung_from_its_corner_cup(drapeplan, write_scene, tmp_path, warp_deg):
+    """An analytic mold reaches around the ply wherever a placement puts it."""
+    turn = np.radians(warp_deg)
+    corner = np.array([-2.5, -3.5]) * 0.11  # [m] of cup (0, 0) from the ply's middle
+    x, y = (
+        np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ corner
+    )
+    placement = {"cup": [0, 0], "mold_point_m": [float(x), float(y)]}
+    scene = write_scene(placement={**placement, "warp_deg": warp_deg})
+    output = tmp_path / "plan.json"
+    ended = drapeplan("plan", scene, "-o", output)
+    assert (ended.code, ended.err) == (0, "")
+    landed = json.loads(output.read_text())["targets"]["position_m"][0]
+    assert_allclose(landed[:2], [x, y], rtol=0, atol=ANCHORED)
 
 
 @pytest.mark.parametrize("key", ["mold", "waypoints", "targets", "verdict"])
