@@ -86,6 +86,7 @@ class Cups:
         pose_sigma: Standard deviation of the positions, in [m]; 0: exact.
         pose_sigma_angle: Standard deviation of the directions, in [rad]; 0: exact.
         source: The file that was read.
+        lengths_given: Whether the file gives s_length_mm, and t_length_mm.
     """
 
     grid: CupGrid
@@ -95,6 +96,7 @@ class Cups:
     pose_sigma: float = 0.0
     pose_sigma_angle: float = 0.0
     source: str = ""
+    lengths_given: tuple[bool, bool] = (False, False)
 
 
 def read_cups(path: str | Path) -> Cups:
@@ -122,6 +124,7 @@ def read_cups(path: str | Path) -> Cups:
         MM * _allowance(source, entry, "pose_sigma_mm"),
         float(np.deg2rad(_allowance(source, entry, "pose_sigma_deg"))),
         source,
+        (entry.grid.s_length_mm is not None, entry.grid.t_length_mm is not None),
     )
 
 
