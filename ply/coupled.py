@@ -1,0 +1,361 @@
+r"""The coupled patch: a ply between cups as one small energy problem (D20-D22).
+
+A patch with its four strips bends, stretches along its fibers and shears as one smooth
+surface, clamped to four cups: what lifted cups and slack ask for, where strips cannot
+be shaped one by one. Slack leaves several stable shapes; the start decides which.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ply.coupled_basis import (
+    SPAN,
+    STRIP_INTERVALS,
+    AxisBasis,
+    PatchBasis,
+    Stiffness,
+    stack,
+)
+from ply.coupled_solve import Body, CoupledStatus, newton
+from ply.coupled_start import STRIP_CUPS, cup_rows, patch_start, strip_start
+from ply.errors import PlyError
+from ply.fiber import Array, Statuses
+from ply.grid import CupGrid, Region
+
+__all__ = ["CoupledModel", "CoupledPatches", "CoupledStatus"]
+
+GAUSS = (6, 3)  # [-] points along a span and a cup: exact ones would lock (D20)
+CHUNK = 16  # [-] patches solved together: their matrices stay in the cache
+ROTATION = 1e-6  # [-] departure from a rotation that is the rounding of a file
+DISTINCT = 1e-4  # [m] rms distance below which two shapes are one
+SIDES = 1 - 2 * np.stack(np.unravel_index(range(16), (2, 2, 2, 2)), axis=-1)
+STRIPS = {Region.S_STRIP: 0, Region.T_STRIP: 2}  # strip of the patch that stands alone
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledPatches:
+    """Shapes of patches, or of single strips; batch axes first.
+
+    Attributes:
+        region: Region.PATCH, or Region.S_STRIP or T_STRIP for single strips.
+        coefficients: Unknowns, shape (..., size, 3), in [m].
+        cups: Position, s and t direction of four cups, shape (..., 12, 3); zero for the
+            two cups that a strip does not have.
+        energy: Elastic energy, shape (...), in [J].
+        strain: Largest stretch of a fiber, shape (...): large where the cups are
+            farther apart than the fibers reach.
+        status: CoupledStatus, shape (...).
+        iterations: Newton steps taken, shape (...).
+    """
+
+    region: Region
+    coefficients: Array
+    cups: Array
+    energy: Array
+    strain: Array
+    status: Statuses
+    iterations: NDArray[np.int64]
+
+    def __getitem__(self, index: object) -> "CoupledPatches":
+        """Shapes picked along the batch axes."""
+        names = ("coefficients", "cups", "energy", "strain", "status", "iterations")
+        return CoupledPatches(self.region, *(getattr(self, k)[index] for k in names))
+
+
+@dataclass(frozen=True)
+class CoupledModel:
+    """Energy of one patch with its strips, the same for all patches of a ply.
+
+    Attributes:
+        grid: The cup array; its cups, span and fiber lengths are used.
+        order: Bubbles over a span in each direction.
+        bending: Bending stiffness along the fibers, in [N m].
+        shear: In-plane shear stiffness, in [N/m].
+        stretch: Stiffness along the fibers, in [N/m].
+        torsion: Stiffness against twist, in [N m]: shear * thickness^2 / 12.
+    """
+
+    grid: CupGrid
+    order: int = 5
+    bending: float = 5e-3
+    shear: float = 300.0
+    stretch: float = 666e3
+    torsion: float = 2.25e-6
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.order < 2:
+            raise PlyError("order", f"{self.order} bubbles", "use 4 or 5")
+        for name in ("bending", "shear", "stretch", "torsion"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise PlyError(name, f"{value:g}", "use a positive stiffness")
+
+    @cached_property
+    def basis(self) -> PatchBasis:
+        """Functions of a patch."""
+        grid = self.grid
+        lengths = grid.s_length, grid.t_length
+        s, t = (AxisBasis(grid.half_width, length, self.order) for length in lengths)
+        return PatchBasis(s, t)
+
+    def solve(
+        self,
+        positions: ArrayLike,
+        rotations: ArrayLike,
+        sides: ArrayLike | None = None,
+        start: CoupledPatches | None = None,
+    ) -> CoupledPatches:
+        """Stable shapes of patches between four cups each.
+
+        Args:
+            positions: Cup centers in the order (row, column) = (0, 0), (0, 1), (1, 0),
+                (1, 1), shape (..., 4, 3), in [m].
+            rotations: Cup frames, shape (..., 4, 3, 3); columns s, t and normal.
+            sides: Where each strip starts, shape (..., 4): strips along s of the first
+                and second row, then along t of the first and second column; 1 bulged
+                along the normals, -1 against them, 0 (default) whichever is flatter,
+                along the normals if neither is.
+            start: Shapes to start from instead, for instance of the poses before.
+
+        Returns:
+            The shapes; each says what became of it.
+
+        Raises:
+            PlyError: The shape of an array does not fit.
+        """
+        return self._solve(Region.PATCH, positions, rotations, sides, start)
+
+    def solve_strips(
+        self,
+        positions: ArrayLike,
+        rotations: ArrayLike,
+        sides: ArrayLike | None = None,
+        start: CoupledPatches | None = None,
+        along: Region = Region.S_STRIP,
+    ) -> CoupledPatches:
+        """Stable shapes of strips between two cups each, free at both edges.
+
+        Args:
+            positions: Cup centers, shape (..., 2, 3), in [m].
+            rotations: Cup frames, shape (..., 2, 3, 3); columns s, t and normal.
+            sides: Side to which each strip starts, shape (...): as for `solve`.
+            start: Shapes to start from instead.
+            along: Region.S_STRIP for neighbors along s, T_STRIP for those along t.
+
+        Returns:
+            The shapes; each says what became of it.
+
+        Raises:
+            PlyError: The shape of an array does not fit.
+        """
+        sides = None if sides is None else np.asarray(sides)[..., None]
+        return self._solve(along, positions, rotations, sides, start)
+
+    def alternatives(
+        self, positions: ArrayLike, rotations: ArrayLike, count: int = 4
+    ) -> CoupledPatches:
+        """Different stable shapes of the same cups, by increasing energy.
+
+        Every strip starts up and down: 16 starts for a patch, 2 for a strip.
+
+        Args:
+            positions: Cup centers, shape (..., 4, 3), or (..., 2, 3) for strips along
+                s, in [m].
+            rotations: Cup frames, shape (..., 4, 3, 3) or (..., 2, 3, 3).
+            count: Number of shapes to give.
+
+        Returns:
+            Shapes with a last batch axis of length `count`; where fewer exist, the rest
+            repeats the first and has the status ABSENT.
+
+        Raises:
+            PlyError: The shape of an array does not fit.
+        """
+        positions, rotations = np.asarray(positions), np.asarray(rotations)
+        region = Region.PATCH if positions.shape[-2:-1] == (4,) else Region.S_STRIP
+        sides = SIDES if region == Region.PATCH else np.array([[1], [-1]])
+        found = self._solve(
+            region, positions[..., None, :, :], rotations[..., None, :, :, :], sides
+        )
+        return self._distinct(found, count)
+
+    def points(self, patches: CoupledPatches, s: ArrayLike, t: ArrayLike) -> Array:
+        """Positions of material points of patches.
+
+        Args:
+            patches: Shapes from `solve`.
+            s: Material coordinates along s from the first cup's center, in [m]; of the
+                grid, whose span stands for the length of the fiber.
+            t: Material coordinates along t; s and t broadcast to a shape (*shape).
+
+        Returns:
+            Points, shape (..., *shape, 3), in [m]; continued linearly beyond the cups.
+        """
+        free, cups = self.rows(patches.region, s, t)
+        shape = np.broadcast_shapes(np.shape(s), np.shape(t))
+        out = free @ patches.coefficients + cups @ patches.cups
+        return out.reshape(*patches.energy.shape, *shape, 3)
+
+    def rows(self, region: Region, s: ArrayLike, t: ArrayLike) -> tuple[Array, Array]:
+        """Constant matrices from coefficients and cups to points.
+
+        Args:
+            region: Region of the shapes.
+            s: Material coordinates along s, in [m].
+            t: Material coordinates along t; s and t broadcast to n points.
+
+        Returns:
+            Matrices over the coefficients, shape (n, size), and cups, shape (n, 12).
+        """
+        flat = [x.ravel() for x in np.broadcast_arrays(s, t)]
+        axes = (self.basis.s, self.basis.t)
+        d, span = self.grid.half_width, self.grid.span
+        places = [
+            x + (axis.length / span - 1) * np.clip(x - d, 0, span)
+            for x, axis in zip(flat, axes, strict=True)
+        ]
+        return self.basis.rows(self._functions(region), *places)
+
+    def body(self, region: Region) -> Body:
+        """Matrices of a patch or of a strip."""
+        return self._bodies[region]
+
+    @cached_property
+    def _bodies(self) -> dict[Region, Body]:
+        basis = self.basis
+        stiffness = Stiffness(self.stretch, self.shear, self.bending, self.torsion)
+        inner = basis.strips[:, 2 * self.order :].reshape(-1, 2)
+        functions = np.concatenate([inner, basis.inside])
+        core = basis.piece(functions, (SPAN, SPAN), stiffness, GAUSS)
+        strips = [
+            basis.piece(own, where, stiffness, GAUSS)
+            for own, where in zip(basis.strips, STRIP_INTERVALS, strict=True)
+        ]
+        none = stack(strips[:1], 0)
+        bodies = {region: Body(strips[k], none) for region, k in STRIPS.items()}
+        return bodies | {Region.PATCH: Body(core, stack(strips))}
+
+    @cached_property
+    def _rest(self) -> tuple[Array, Array]:
+        """Cups at rest, shapes (4, 3) and (4, 3, 3)."""
+        s, t = self.basis.s, self.basis.t
+        far_s, far_t = s.edges[2] + s.half_width, t.edges[2] + t.half_width
+        centers = [[0, 0, 0], [far_s, 0, 0], [0, far_t, 0], [far_s, far_t, 0]]
+        return np.array(centers, dtype=float), np.broadcast_to(np.eye(3), (4, 3, 3))
+
+    def _functions(self, region: Region) -> NDArray[np.int64]:
+        if region == Region.PATCH:
+            return self.basis.functions
+        return self.basis.strips[STRIPS[region]]
+
+    def _solve(
+        self,
+        region: Region,
+        positions: ArrayLike,
+        rotations: ArrayLike,
+        sides: ArrayLike | None,
+        start: CoupledPatches | None = None,
+    ) -> CoupledPatches:
+        cups = np.arange(4) if region == Region.PATCH else STRIP_CUPS[STRIPS[region]]
+        n_strips = 4 if region == Region.PATCH else 1
+        p, frames, chosen, batch = _flat(
+            positions, rotations, sides, len(cups), n_strips
+        )
+        good = _sound(p, frames)
+        p = np.where(good[:, None, None], p, self._rest[0][cups])
+        frames = np.where(good[:, None, None, None], frames, self._rest[1][cups])
+        rows = np.zeros((len(p), 4, 3, 3))
+        rows[:, cups] = cup_rows(p, frames).reshape(len(p), -1, 3, 3)
+        rows = rows.reshape(len(p), 12, 3)
+        if start is not None:
+            q = self._follow(start, region, rows)
+        elif region == Region.PATCH:
+            q = patch_start(self.basis, p, frames, chosen)
+        else:
+            q = strip_start(self.basis, STRIPS[region], p, frames, chosen[:, 0])
+        body = self.body(region)
+        parts = [
+            newton(body, q[k : k + CHUNK], rows[k : k + CHUNK])
+            for k in range(0, len(q), CHUNK)
+        ]
+        q, status, iterations = map(np.concatenate, zip(*parts, strict=True))
+        status = np.where(good, status, CoupledStatus.BAD_INPUT)
+        energy, strain = body.energy(q, rows), body.largest_strain(q, rows)
+        arrays = q, rows, energy, strain, status, iterations
+        return CoupledPatches(
+            region, *(a.reshape((*batch, *a.shape[1:])) for a in arrays)
+        )
+
+    def _follow(self, start: CoupledPatches, region: Region, rows: Array) -> Array:
+        """Unknowns of a start, bent along with cups that have moved since."""
+        moved = rows - start.cups.reshape(rows.shape)
+        return start.coefficients.reshape(len(rows), -1, 3) + self._bent[region] @ moved
+
+    @cached_property
+    def _bent(self) -> dict[Region, Array]:
+        """Unknowns of least bending energy for cups, shape (size, 12), by region."""
+        return {region: body.least_bending for region, body in self._bodies.items()}
+
+    def _distinct(self, found: CoupledPatches, count: int) -> CoupledPatches:
+        """The first different shapes of the last batch axis, by status and energy."""
+        order = np.lexsort((found.energy, found.status), axis=-1)
+        batch, starts = order.shape[:-1], order.shape[-1]
+        pick = tuple(np.indices(order.shape)[:-1]) + (order,)
+        found = found[pick]
+        lines = np.linspace(-self.grid.half_width, self.grid.pitch, 12)
+        across = lines if found.region == Region.PATCH else lines[:1]
+        points = self.points(found, lines[:, None], across)
+        points = points.reshape(*batch, starts, -1, 3)
+        keep = found.status == CoupledStatus.CONVERGED
+        keep[..., 0] = True
+        for k in range(1, starts):
+            away = points[..., :k, :, :] - points[..., k, None, :, :]
+            near = np.sqrt((away**2).sum(-1).mean(-1)) < DISTINCT
+            keep[..., k] &= ~(near & keep[..., :k]).any(-1)
+        chosen = np.argsort(~keep, axis=-1, kind="stable")[..., :count]
+        kept = np.take_along_axis(keep, chosen, axis=-1)
+        chosen = np.where(kept, chosen, 0)
+        out = found[tuple(np.indices(chosen.shape)[:-1]) + (chosen,)]
+        out.status[~kept] = CoupledStatus.ABSENT
+        return out
+
+
+def _flat(
+    positions: ArrayLike,
+    rotations: ArrayLike,
+    sides: ArrayLike | None,
+    n_cups: int,
+    n_strips: int,
+) -> tuple[Array, Array, Array, tuple[int, ...]]:
+    """Inputs with one batch axis, and the batch shape that they stand for."""
+    chosen = np.zeros(n_strips) if sides is None else sides
+    given = {
+        "positions": (positions, (n_cups, 3)),
+        "rotations": (rotations, (n_cups, 3, 3)),
+        "sides": (chosen, (n_strips,)),
+    }
+    arrays, batches = [], []
+    for name, (value, tail) in given.items():
+        array = np.asarray(value, dtype=float)
+        if array.shape[-len(tail) :] != tail:
+            raise PlyError(name, f"shape {array.shape} does not end in {tail}")
+        arrays.append(array)
+        batches.append(array.shape[: -len(tail)])
+    batch = np.broadcast_shapes(*batches)
+    p, frames, chosen = (
+        np.broadcast_to(a, (*batch, *tail)).reshape(-1, *tail)
+        for a, (_, tail) in zip(arrays, given.values(), strict=True)
+    )
+    return p, frames, chosen, batch
+
+
+def _sound(positions: Array, rotations: Array) -> NDArray[np.bool_]:
+    """Which patches have finite positions and true rotations, shape (b,)."""
+    finite = np.isfinite(positions).all((1, 2)) & np.isfinite(rotations).all((1, 2, 3))
+    frames = np.where(finite[:, None, None, None], rotations, 0)
+    square = abs(frames.mT @ frames - np.eye(3)).max((1, 2, 3)) < ROTATION
+    return finite & square & (np.linalg.det(frames) > 0).all(-1)

@@ -1,0 +1,112 @@
+"""Energy, forces and stiffness of one region of the coupled ply (D20).
+
+Bending is quadratic in the unknowns. Stretch and shear come from the Green strains of
+the mid-surface, (|r_s|^2 - 1) / 2, (|r_t|^2 - 1) / 2 and r_s . r_t, at the Gauss points.
+Batch axes first; a leading axis of the piece meets the last batch axes.
+"""
+
+import numpy as np
+
+from ply.coupled_basis import Piece
+from ply.fiber import Array, dot
+
+
+def tangents(piece: Piece, q: Array, cups: Array) -> tuple[Array, Array]:
+    """Derivatives of the surface along s and t at the Gauss points.
+
+    Args:
+        piece: Matrices of the region.
+        q: Unknowns, shape (..., n, 3).
+        cups: Position, s and t direction of the four cups, shape (..., 12, 3).
+
+    Returns:
+        Two arrays of shape (..., G, 3).
+    """
+    return piece.ds @ q + piece.ds_cups @ cups, piece.dt @ q + piece.dt_cups @ cups
+
+
+def strains(rs: Array, rt: Array) -> Array:
+    """Green strains: stretch along s, along t, shear; shape (..., 3, G)."""
+    stretch_s, stretch_t = (dot(rs, rs) - 1) / 2, (dot(rt, rt) - 1) / 2
+    return np.stack([stretch_s, stretch_t, dot(rs, rt)], axis=-2)
+
+
+def strain_changes(
+    piece: Piece, rs: Array, rt: Array, dq: Array
+) -> tuple[Array, Array]:
+    """Changes of the strains with the unknowns, to first order; both (..., 3, G).
+
+    Returns:
+        The part linear in dq, and the part quadratic in it: together exact.
+    """
+    ds, dt = piece.ds @ dq, piece.dt @ dq
+    shear = dot(rs, dt) + dot(rt, ds)
+    linear = np.stack([dot(rs, ds), dot(rt, dt), shear], axis=-2)
+    quadratic = np.stack([dot(ds, ds) / 2, dot(dt, dt) / 2, dot(ds, dt)], axis=-2)
+    return linear, quadratic
+
+
+def energy(piece: Piece, q: Array, cups: Array) -> Array:
+    """Elastic energy of the region, shape (...), in [J]."""
+    e = strains(*tangents(piece, q, cups))
+    bending = piece.bending @ q / 2 + piece.bending_cups @ cups
+    out = dot(q, bending).sum(-1) + dot(cups, piece.cups_bending @ cups).sum(-1) / 2
+    return out + ((piece.roots * e) ** 2).sum((-1, -2)) / 2
+
+
+def forces(piece: Piece, q: Array, cups: Array, rs: Array, rt: Array) -> Array:
+    """Gradient of the energy, shape (..., n, 3), in [N] for values."""
+    e = (piece.roots**2 * strains(rs, rt))[..., None]
+    along_s = e[..., 0, :, :] * rs + e[..., 2, :, :] * rt
+    along_t = e[..., 1, :, :] * rt + e[..., 2, :, :] * rs
+    out = piece.bending @ q + piece.bending_cups @ cups
+    return out + piece.ds.mT @ along_s + piece.dt.mT @ along_t
+
+
+def stiffness(piece: Piece, rs: Array, rt: Array, strain: Array) -> Array:
+    """Second derivative of the energy; unknowns ordered (coordinate, function).
+
+    Args:
+        piece: Matrices of the region.
+        rs: Derivatives along s, shape (..., G, 3).
+        rt: Derivatives along t, shape (..., G, 3).
+        strain: Strains whose stresses enter, shape (..., 3, G): those of rs and rt for
+            the plain tangent, better guesses to gain convergence.
+
+    Returns:
+        Symmetric matrices, shape (..., 3 n, 3 n).
+    """
+    *batch, points, _ = rs.shape
+    n = piece.ds.shape[-1]
+    root = piece.roots[..., None]
+    rows = np.empty((*batch, 3, points, 3, n))
+    for k in range(2):
+        first, own = (piece.ds, rs) if k == 0 else (piece.dt, rt)
+        rows[..., k, :, :, :] = _outer(own, root[..., k, :, :] * first)
+    rows[..., 2, :, :, :] = _outer(rt, root[..., 2, :, :] * piece.ds)
+    rows[..., 2, :, :, :] += _outer(rs, root[..., 2, :, :] * piece.dt)
+    flat = rows.reshape(*batch, 3 * points, 3 * n)
+    out = flat.mT @ flat
+    add_to_blocks(out, piece.bending + _geometric(piece, strain))
+    return out
+
+
+def add_to_blocks(matrix: Array, block: Array) -> None:
+    """Add a matrix (..., n, n) to the three diagonal blocks of (..., 3 n, 3 n)."""
+    n = block.shape[-1]
+    for k in range(3):
+        part = slice(k * n, (k + 1) * n)
+        matrix[..., part, part] += block
+
+
+def _outer(vectors: Array, rows: Array) -> Array:
+    """Vectors (..., G, 3) times rows (..., G, n), shape (..., G, 3, n)."""
+    return vectors[..., :, None] * rows[..., None, :]
+
+
+def _geometric(piece: Piece, strain: Array) -> Array:
+    """Stiffness that stresses give one coordinate, shape (..., n, n)."""
+    e = (piece.roots**2 * strain)[..., None]
+    along_s = e[..., 0, :, :] * piece.ds + e[..., 2, :, :] * piece.dt
+    along_t = e[..., 1, :, :] * piece.dt + e[..., 2, :, :] * piece.ds
+    return piece.ds.mT @ along_s + piece.dt.mT @ along_t

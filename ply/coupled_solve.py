@@ -1,0 +1,306 @@
+"""Newton's method for many coupled bodies of equal shape at once (D21).
+
+A body is a core and the strips that hang on it. The outer edge of a strip meets nothing
+but the strip, so it is eliminated before the core is solved. Cholesky tells whether the
+tangent is positive definite; where it is not, bending is added until it is.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ply.coupled_basis import Piece
+from ply.coupled_energy import (
+    add_to_blocks,
+    energy,
+    forces,
+    stiffness,
+    strain_changes,
+    strains,
+    tangents,
+)
+from ply.fiber import Array, Statuses, dot
+
+Bools = NDArray[np.bool_]
+
+TOLERANCE = 1e-6  # [m] largest move of the last step; the error is its square
+LONGEST_STEP = 0.01  # [m] largest move of one step: linearization of a 70 mm span
+MAX_ITERATIONS = 40  # [-] steps; 2 to 12 are usual
+FIRST_AID, MORE_AID = 0.3, 2.5  # [-] share of bending first added, and its growth
+MOST_AID = 1e4  # [-] bending added at most: no help beyond
+
+
+class CoupledStatus(IntEnum):
+    """What became of one patch or strip."""
+
+    CONVERGED = 0  # an equilibrium, and a stable one
+    UNSTABLE = 1  # an equilibrium that any disturbance leaves: a saddle
+    NOT_CONVERGED = 2  # no equilibrium in the steps allowed
+    BAD_INPUT = 3  # a cup pose is not finite or no rotation: the rest shape is given
+    ABSENT = 4  # fewer shapes exist than were asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A core and its strips; coefficients are ordered as the strips, then the rest.
+
+    Attributes:
+        core: Matrices of the core; its functions are the inner edges of the strips in
+            turn, then its own.
+        strips: Matrices of the strips, stacked on the first axis, maybe none; the first
+            half of their functions belongs to the outer edge.
+    """
+
+    core: Piece
+    strips: Piece
+
+    @property
+    def size(self) -> int:
+        """Number of unknown functions."""
+        count, functions = self._strip_shape
+        return self.core.ds.shape[-1] + count * functions // 2
+
+    @property
+    def _strip_shape(self) -> tuple[int, int]:
+        return self.strips.ds.shape[0], self.strips.ds.shape[-1]
+
+    def split(self, q: Array) -> tuple[Array, Array]:
+        """Unknowns (b, size, 3) as those of the core and of the strips."""
+        count, functions = self._strip_shape
+        strips = q[:, : count * functions].reshape(len(q), count, functions, 3)
+        inner = strips[:, :, functions // 2 :].reshape(
+            len(q), count * functions // 2, 3
+        )
+        return np.concatenate([inner, q[:, count * functions :]], axis=1), strips
+
+    def join(self, core: Array, outer: Array) -> Array:
+        """Core (b, n, 3) and outer edges (b, strips, functions, 3) as unknowns."""
+        count, functions = self._strip_shape
+        first = count * functions // 2
+        inner = core[:, :first].reshape(outer.shape)
+        strips = np.concatenate([outer, inner], axis=2)
+        flat = strips.reshape(len(core), 2 * first, 3)
+        return np.concatenate([flat, core[:, first:]], axis=1)
+
+    @cached_property
+    def least_bending(self) -> Array:
+        """Unknowns of least bending energy for given cups, shape (size, 12)."""
+        count, functions = self._strip_shape
+        ends = np.arange(count * functions).reshape(count, functions)
+        rest = np.arange(count * functions, self.size)
+        own_place = np.append(ends[:, functions // 2 :], rest)
+        core, strips = self.core, self.strips
+        bent = [(core.bending, core.bending_cups, own_place)]
+        bent += list(zip(strips.bending, strips.bending_cups, ends, strict=True))
+        matrix, right = np.zeros((self.size, self.size)), np.zeros((self.size, 12))
+        for own, cups, place in bent:
+            matrix[np.ix_(place, place)] += own
+            right[place] -= cups
+        return np.linalg.solve(matrix, right)
+
+    def energy(self, q: Array, cups: Array) -> Array:
+        """Elastic energy of unknowns (b, size, 3), shape (b,), in [J]."""
+        core, strips = self.split(q)
+        return energy(self.core, core, cups) + energy(
+            self.strips, strips, cups[:, None]
+        ).sum(-1)
+
+    def largest_strain(self, q: Array, cups: Array) -> Array:
+        """Largest stretch of a fiber at a Gauss point, shape (b,)."""
+        core, strips = self.split(q)
+        worst = abs(strains(*tangents(self.core, core, cups))[:, :2]).max((1, 2))
+        others = abs(strains(*tangents(self.strips, strips, cups[:, None])))
+        return np.maximum(worst, others[:, :, :2].max((1, 2, 3), initial=0))
+
+
+class Tangent(NamedTuple):
+    """Forces and stiffness of bodies, strips with a core; arrays of length b."""
+
+    core: Array  # (b, 3 n, 3 n)
+    strips: Array  # (b, strips, 3 k, 3 k)
+    core_force: Array  # (b, n, 3)
+    strip_force: Array  # (b, strips, k, 3)
+
+
+class Solution(NamedTuple):
+    """Result of `newton`, arrays of length b."""
+
+    q: Array
+    status: Statuses
+    iterations: NDArray[np.int64]
+
+
+def newton(body: Body, start: Array, cups: Array) -> Solution:
+    """Stable equilibria nearest to the starts, as Newton's method goes.
+
+    The stresses in the tangent are those that the last linear step foresaw: they are
+    smooth where the strains of its end are not, which saves most steps [Magisano2017].
+
+    Args:
+        body: The body.
+        start: Unknowns to start from, shape (b, size, 3), in [m].
+        cups: Position, s and t direction of its cups, shape (b, 12, 3).
+
+    Returns:
+        The unknowns, the CoupledStatus and the steps taken.
+    """
+    q, b = start.copy(), len(start)
+    status = np.full(b, CoupledStatus.NOT_CONVERGED, dtype=np.int64)
+    iterations = np.full(b, MAX_ITERATIONS)
+    live = np.arange(b)
+    foreseen: list[Array] | None = None
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        step, moved, aided, foreseen = _step(body, q[live], cups[live], foreseen)
+        q[live] += step
+        done = moved < TOLERANCE
+        found = np.where(aided, CoupledStatus.UNSTABLE, CoupledStatus.CONVERGED)
+        status[live[done]], iterations[live[done]] = found[done], iteration
+        live, foreseen = live[~done], [e[~done] for e in foreseen]
+        if not len(live):
+            break
+    return Solution(q, status, iterations)
+
+
+def tangent(
+    body: Body, q: Array, cups: Array, foreseen: list[Array] | None = None
+) -> Tangent:
+    """Forces and stiffness of bodies, with stresses of the strains given or their own.
+
+    Args:
+        body: The body.
+        q: Unknowns, shape (b, size, 3), in [m].
+        cups: Position, s and t direction of the cups, shape (b, 12, 3).
+        foreseen: Strains of core and strips for the stresses in the stiffness.
+    """
+    parts = []
+    pieces = ((body.core, cups), (body.strips, cups[:, None]))
+    for k, ((piece, c), part) in enumerate(zip(pieces, body.split(q), strict=True)):
+        rs, rt = tangents(piece, part, c)
+        strain = strains(rs, rt) if foreseen is None else foreseen[k]
+        parts.append((stiffness(piece, rs, rt, strain), forces(piece, part, c, rs, rt)))
+    (core, core_force), (strips, strip_force) = parts
+    return Tangent(core, strips, core_force, strip_force)
+
+
+def _step(
+    body: Body, q: Array, cups: Array, foreseen: list[Array] | None
+) -> tuple[Array, Array, Bools, list[Array]]:
+    """One step of each body: step, its largest move, aided, strains foreseen."""
+    pieces = ((body.core, cups), (body.strips, cups[:, None]))
+    ends = [
+        tangents(piece, part, c)
+        for (piece, c), part in zip(pieces, body.split(q), strict=True)
+    ]
+    if foreseen is None:
+        foreseen = [np.zeros((*rs.shape[:-2], 3, rs.shape[-2])) for rs, _ in ends]
+    step, aided = _aided_step(body, tangent(body, q, cups, foreseen))
+    moves = [
+        piece.values @ part
+        for (piece, _), part in zip(pieces, body.split(step), strict=True)
+    ]
+    moved = np.sqrt(
+        np.maximum(
+            dot(moves[0], moves[0]).max(-1),
+            dot(moves[1], moves[1]).max((-1, -2), initial=0),
+        )
+    )
+    share = np.minimum(1, LONGEST_STEP / np.maximum(moved, LONGEST_STEP))
+    step = share[:, None, None] * step
+    foreseen = [
+        strains(rs, rt) + strain_changes(piece, rs, rt, part)[0]
+        for (piece, _), (rs, rt), part in zip(
+            pieces, ends, body.split(step), strict=True
+        )
+    ]
+    return step, moved, aided, foreseen
+
+
+def _aided_step(body: Body, now: Tangent) -> tuple[Array, Bools]:
+    """Newton steps (b, size, 3), with bending added where the tangent asks for it."""
+    b = len(now.core)
+    step, aid = np.zeros((b, body.size, 3)), np.zeros(b)
+    todo = np.arange(b)
+    while len(todo) and aid[todo[0]] < MOST_AID:
+        some = Tangent(*(array[todo] for array in now)) if len(todo) < b else now
+        found, good = _solve(body, some, aid[todo])
+        step[todo[good]] = found
+        todo = todo[~good]
+        aid[todo] = np.maximum(FIRST_AID, MORE_AID * aid[todo])
+    return step, aid > 0
+
+
+def _solve(body: Body, now: Tangent, aid: Array) -> tuple[Array, Bools]:
+    """Steps of the bodies whose aided tangent is positive definite, and which."""
+    core, strips = now.core, now.strips
+    if aid.any():
+        core, strips = core.copy(), strips.copy()
+        add_to_blocks(core, aid[:, None, None] * body.core.bending)
+        add_to_blocks(strips, aid[:, None, None, None] * body.strips.bending)
+    core, outer = condense(body, core, strips, now)
+    good = outer.definite & definite(core.matrix)
+    load = core.load[good]
+    found = np.linalg.solve(core.matrix[good], load[..., None])[..., 0]
+    q_core = found.reshape(len(load), 3, core.matrix.shape[-1] // 3).mT
+    count, functions = strips.shape[1], strips.shape[-1] // 3
+    half = functions // 2
+    inner = q_core[:, : count * half].reshape(len(load), count, half, 3).mT
+    inner = inner.reshape(len(load), count, 3 * half, 1)
+    q_outer = outer.solved[good][..., -1:] - outer.solved[good][..., :-1] @ inner
+    return body.join(q_core, q_outer.reshape(len(load), count, 3, half).mT), good
+
+
+class _Core(NamedTuple):
+    matrix: Array  # (b, 3 n, 3 n)
+    load: Array  # (b, 3 n)
+
+
+class _Outer(NamedTuple):
+    solved: Array  # (b, strips, 3 h, 3 h + 1): times inner edge, and load
+    definite: Bools  # (b,)
+
+
+def condense(
+    body: Body, core: Array, strips: Array, now: Tangent
+) -> tuple[_Core, _Outer]:
+    """Eliminate the outer edges of the strips."""
+    b, count, size = strips.shape[:3]
+    n, k = core.shape[-1] // 3, size // 3
+    half = k // 2
+    six = strips.reshape(b, count, 3, k, 3, k)
+    force = now.strip_force.mT
+    edge = (b, count, 3 * half, 3 * half)
+
+    def part(first: slice, second: slice) -> Array:
+        return six[:, :, :, first, :, second].reshape(edge)
+
+    out, inn = slice(0, half), slice(half, k)
+    outer, cross = part(out, out), part(out, inn)
+    right = -force[..., out].reshape(b, count, 3 * half, 1)
+    solved = np.linalg.solve(outer, np.concatenate([cross, right], axis=-1))
+    less = cross.mT @ solved
+    added = (part(inn, inn) - less[..., :-1]).reshape(b, count, 3, half, 3, half)
+    loads = -force[..., inn] - less[..., -1].reshape(b, count, 3, half)
+    matrix = core.copy().reshape(b, 3, n, 3, n)
+    load = -now.core_force.mT
+    for strip in range(count):
+        own = slice(strip * half, (strip + 1) * half)
+        matrix[:, :, own, :, own] += added[:, strip]
+        load[:, :, own] += loads[:, strip]
+    sound = definite(outer.reshape(-1, *edge[2:])).reshape(b, count).all(-1)
+    matrix, load = matrix.reshape(core.shape), load.reshape(b, 3 * n)
+    return _Core(matrix, load), _Outer(solved, sound)
+
+
+def definite(matrices: Array) -> Bools:
+    """Which of the symmetric matrices (b, n, n) are positive definite, shape (b,)."""
+    out = np.ones(len(matrices), dtype=bool)
+    for k, matrix in enumerate(matrices):  # numpy does not say which of a batch failed
+        try:
+            np.linalg.cholesky(matrix)
+        except np.linalg.LinAlgError:
+            out[k] = False
+    return out

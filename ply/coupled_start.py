@@ -1,0 +1,88 @@
+"""Shapes that Newton's method starts from: strips bulged to chosen sides (D22)."""
+
+import numpy as np
+
+from ply.coupled_basis import STRIP_INTERVALS, PatchBasis
+from ply.fiber import Array, dot, length_error
+
+STRIP_CUPS = np.array([[0, 1], [2, 3], [0, 2], [1, 3]])  # both cups of each strip
+OUTER = np.array([-1, 1, -1, 1])  # side of a strip's middle line where its rim lies
+TIE = 1e-6  # [-] bulge over length below which two sides are equally flat
+BULGE_SQUARE = 2 / 105  # [-] integral of (d/du u^2 (1 - u)^2)^2
+BUBBLE = 0.5  # [-] first bubble is 2 u^2 (1 - u)^2
+
+
+def cup_rows(positions: Array, rotations: Array) -> Array:
+    """Position, s and t direction of each cup, shape (..., 3 cups, 3)."""
+    frames = np.swapaxes(rotations[..., :2], -1, -2)
+    rows = np.concatenate([positions[..., None, :], frames], axis=-2)
+    return rows.reshape(*rows.shape[:-3], -1, 3)
+
+
+def patch_start(
+    basis: PatchBasis, positions: Array, rotations: Array, sides: Array
+) -> Array:
+    """Unknowns of patches whose strips are bulged, the inside as they ask.
+
+    Args:
+        basis: Functions of the patch.
+        positions: Cup centers, shape (..., 4, 3), in [m].
+        rotations: Cup frames, shape (..., 4, 3, 3).
+        sides: Side of each strip, shape (..., 4): 1, -1, or 0 for the flatter.
+
+    Returns:
+        Unknowns, shape (..., size, 3), in [m].
+    """
+    strips = [
+        strip_start(
+            basis,
+            k,
+            positions[..., STRIP_CUPS[k], :],
+            rotations[..., STRIP_CUPS[k], :, :],
+            sides[..., k],
+        )
+        for k in range(len(STRIP_INTERVALS))
+    ]
+    inside = np.zeros((*strips[0].shape[:-2], len(basis.inside), 3))
+    return np.concatenate([*strips, inside], axis=-2)
+
+
+def strip_start(
+    basis: PatchBasis, strip: int, positions: Array, rotations: Array, side: Array
+) -> Array:
+    """Unknowns of strips: cubics along both edges, bulged to have their length.
+
+    Args:
+        basis: Functions of the patch.
+        strip: Number of the strip in the patch.
+        positions: Centers of its two cups, shape (..., 2, 3), in [m].
+        rotations: Frames of its two cups, shape (..., 2, 3, 3).
+        side: Side to bulge to, shape (...): 1, -1, or 0 for the flatter.
+
+    Returns:
+        Unknowns, shape (..., 4 order, 3), in [m].
+    """
+    along = 0 if strip < 2 else 1
+    d = basis.s.half_width
+    length = (basis.s, basis.t)[along].length
+    x, y = rotations[..., along], rotations[..., 1 - along]
+    rim = OUTER[strip] * d * np.array([1, -1])[:, None]  # outer edge, then inner
+    r0 = (positions + d * x)[..., 0, None, :] + rim * y[..., 0, None, :]
+    r1 = (positions - d * x)[..., 1, None, :] + rim * y[..., 1, None, :]
+    dr0, dr1 = x[..., 0, None, :], x[..., 1, None, :]
+    normal = rotations[..., 2].sum(-2)
+    size = np.sqrt(dot(normal, normal))
+    normal = normal / np.where(size > 0, size, 1)[..., None]
+    surplus = length_error(r1 - r0, dr0, dr1, length) * length**2
+    turn = length / 15 * dot(normal[..., None, :], dr0 - dr1)
+    middle = -turn / (2 * BULGE_SQUARE)
+    reach = np.sqrt(np.maximum(middle**2 - surplus / BULGE_SQUARE, 0))
+    up, down = abs(middle + reach).sum(-1), abs(middle - reach).sum(-1)
+    flatter = np.where(up <= down + TIE * length, 1, -1)
+    sign = np.where(side == 0, flatter, np.sign(side))
+    bulge = BUBBLE * (middle + sign[..., None] * reach)
+    slope = (bulge[..., 0] - bulge[..., 1]) * OUTER[strip] / (2 * d)
+    out = np.zeros((*size.shape, 4, basis.s.order, 3))
+    for k, amount in enumerate((bulge[..., 0], slope, bulge[..., 1], slope)):
+        out[..., k, 0, :] = amount[..., None] * normal
+    return out.reshape(*size.shape, -1, 3)
