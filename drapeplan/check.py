@@ -19,6 +19,7 @@ from drapeplan.track import Track
 from drapeplan.words import failures
 
 Array = NDArray[np.float64]
+UNUSABLE = (DrapeplanError, ValueError, LookupError, TypeError, ArithmeticError)
 SAME = 1e-9  # [-] relative difference of recomputed numbers that counts as none
 
 
@@ -54,7 +55,13 @@ def check_plan(plan: Plan) -> Check:
     try:
         differing = list(_differences(plan))
         verdict, contact = plan.judged
-    except (DrapeplanError, ValueError, KeyError, IndexError, TypeError) as error:
+    except (
+        DrapeplanError,
+        ValueError,
+        LookupError,
+        TypeError,
+        ArithmeticError,
+    ) as error:
         return Check(tuple(broken), (f"nothing can be recomputed: {error}",), (), {})
     differing += _compare("verdict", plan.document["verdict"], verdict)
     violated = failures(verdict, contact.front, plan.track)

@@ -124,9 +124,9 @@ def show_verdict(
     limits, fibers = verdict["limits"], verdict["fibers"]
     low, high = limits["stroke_range_mm"]
     print(
-        f"  Interlinks within {links['worst_error_mm']:.1e} mm; placed cups within "
-        f"{landing['worst_distance_mm']:.1e} mm and "
-        f"{landing['worst_angle_deg']:.1e} deg of their targets."
+        f"  Interlinks within {_bound(links['worst_error_mm'])} mm; placed cups within "
+        f"{_bound(landing['worst_distance_mm'])} mm and "
+        f"{_bound(landing['worst_angle_deg'])} deg of their targets."
     )
     print(
         f"  Strokes {low:.0f} to {high:.0f} mm; "
@@ -146,5 +146,11 @@ def show_verdict(
         depth = max(row["span_penetration_mm"], row["pad_penetration_mm"])
         count = len(row["cups"])
         print(f"  {row['step']:4d}  {count:4d}  {early:>12}  {air:>13}  {depth:14.3f}")
+    print("  (-: nothing threatens)")
     for name in files:
         print(f"wrote {name}")
+
+
+def _bound(value: float) -> str:
+    """A small number as a bound: what is recorded ends at nine decimals."""
+    return f"{max(value, 1e-9):.0e}"

@@ -23,6 +23,7 @@ from ply.shape import ply_fibers
 Array = NDArray[np.float64]
 
 FAR = 1.0  # [m] gap of ply that hangs beside the mold: it meets nothing there
+INSTANT = 1e-6  # [s] times are rounded to microseconds
 RATE = 1e-6  # [-] share by which a rate may pass its limit: rounded times
 DIGITS = 9  # decimals of the numbers in a verdict
 
@@ -196,7 +197,8 @@ def _limits(track: Track) -> dict[str, Any]:
     stroke = robot.leg_columns[:, 2]
     turning = np.setdiff1d(np.arange(q.shape[1]), stroke)
     duration = np.diff(track.time)[:, None]
-    share = (np.abs(np.diff(q, axis=0)) / (robot.velocity * duration)).max(initial=0)
+    reach = robot.velocity * np.maximum(duration, INSTANT)
+    share = (np.abs(np.diff(q, axis=0)) / reach).max(initial=0)
     strokes = q[:, stroke]
     k, worst = np.unravel_index(room.argmin(), room.shape)
     good = room.min() >= -LIMIT and share <= 1 + RATE and (duration > 0).all()

@@ -25,6 +25,7 @@ WAITED = 1e-3  # [m] largest distance of a waiting cup from its request: 1 mm
 ALIGNED = np.radians(0.1)  # [rad] largest angle of a landed cup from its target
 STILL = 1e-12  # [rad], [m] legs that change by less than this do not move
 SHORTEST = 0.05  # [s] shortest time between waypoints outside the wave
+OUTWARD = "place the cups from the start outward, neighbor by neighbor"
 DIGITS = 12  # joint positions are rounded to this, so that a file holds them exactly
 
 
@@ -58,6 +59,8 @@ class StrokesError(InfeasibleError):
         """Prefix the reason with its moment."""
         what, excess, remedy = reason
         moment = f"wave step {step + 1}" if phase == "wave" else phase
+        if phase != "wave" and remedy == OUTWARD:
+            remedy = "a flatter mold, less lift or a lower hover would help"
         super().__init__(f"{moment}: {what}", excess, remedy)
         self.waypoint, self.phase, self.step = waypoint, phase, step
 
@@ -228,8 +231,7 @@ def _closure(
     word = "longer" if solution.closure[k] > 0 else "shorter"
     what = f"rigid interlinks cannot reach it: the one between {_pair(robot, k)}"
     excess = f"{1e3 * abs(solution.closure[k]):.3g} mm"
-    remedy = "place the cups from the start outward, neighbor by neighbor"
-    return f"{what} would have to be {word}", excess, remedy
+    return f"{what} would have to be {word}", excess, OUTWARD
 
 
 def _position(
@@ -237,8 +239,7 @@ def _position(
 ) -> tuple[str, str, str]:
     k = int(solution.position_error.argmax())
     what = f"rigid interlinks cannot reach it: {_cup(robot, k)} misses its request"
-    remedy = "place the cups from the start outward, neighbor by neighbor"
-    return what, f"{1e3 * solution.position_error[k]:.3g} mm", remedy
+    return what, f"{1e3 * solution.position_error[k]:.3g} mm", OUTWARD
 
 
 def _angle(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:

@@ -236,7 +236,8 @@ def _fiber_directions(positions: Array, n: Array, pairs: Indices) -> Array:
 
 def _unit(v: Array) -> Array:
     """Vectors scaled to length one, shape (..., 3)."""
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return v / np.where(length > 0, length, 1.0)
 
 
 def _shorten(step: Array, pitch: float) -> float:

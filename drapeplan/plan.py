@@ -112,7 +112,7 @@ class Plan:
             raise InputError(
                 str(path), "", f"cannot read it ({error.strerror})"
             ) from None
-        except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        except (ValueError, RecursionError) as error:
             problem = "is not JSON"
             raise InputError(str(path), "", problem, "make it anew") from error
         try:

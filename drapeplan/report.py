@@ -1,12 +1,13 @@
 """The first-touch figure: when each place of the ply first meets the mold."""
 
-import os
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from drapeplan.files import write_bytes
 from drapeplan.flood import Bools, Floats
 from drapeplan.verdict import EventKind, FrontEvent
 
@@ -184,10 +185,7 @@ def _draw_events(axes: Any, events: Sequence[FrontEvent]) -> None:
 
 
 def _write(figure: Any, path: Path) -> None:
-    """Write the PNG beside its place and move it there, without a date inside."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        figure.savefig(beside, format="png", metadata={"Software": None})
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    """Write the PNG, whole or not at all, without a date inside."""
+    content = io.BytesIO()
+    figure.savefig(content, format="png", metadata={"Software": None})
+    write_bytes(path, content.getvalue())

@@ -5,12 +5,12 @@
 
 import itertools
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from drapeplan.files import write_text
 from urdf.sidecar import FORMAT, neighbor_pairs
 from urdf.spec import RESILIENT, RIGID, SpecError, ToolSpec
 
@@ -133,12 +133,7 @@ def write_tool(spec: ToolSpec, folder: str | Path) -> tuple[Path, Path]:
     stem = Path(folder) / spec.name
     urdf, sidecar = Path(f"{stem}.urdf"), Path(f"{stem}.yaml")
     for path, text in ((urdf, tool_urdf(spec)), (sidecar, sidecar_text(spec))):
-        draft = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            draft.write_text(text, "utf-8", newline="\n")
-            draft.replace(path)
-        finally:
-            draft.unlink(missing_ok=True)
+        write_text(path, text)
     return urdf, sidecar
 
 
