@@ -55,13 +55,7 @@ def check_plan(plan: Plan) -> Check:
     try:
         differing = list(_differences(plan))
         verdict, contact = plan.judged
-    except (
-        DrapeplanError,
-        ValueError,
-        LookupError,
-        TypeError,
-        ArithmeticError,
-    ) as error:
+    except UNUSABLE as error:
         return Check(tuple(broken), (f"nothing can be recomputed: {error}",), (), {})
     differing += _compare("verdict", plan.document["verdict"], verdict)
     violated = failures(verdict, contact.front, plan.track)

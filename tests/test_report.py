@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 
+from drapeplan.errors import InputError
 from drapeplan.front import check_front
 from drapeplan.report import first_touch_figure
 from tests.front_samples import MM, box, distance, growing_disk, make_grid
@@ -74,7 +75,7 @@ def test_same_arguments_give_the_same_bytes(tmp_path):
 def test_nothing_is_left_behind_when_writing_fails(tmp_path):
     target = tmp_path / "taken.png"
     target.mkdir()
-    with pytest.raises(OSError, match="taken"):
+    with pytest.raises(InputError, match="taken"):
         draw(target)
     assert [file.name for file in tmp_path.iterdir()] == ["taken.png"]
 
