@@ -142,7 +142,7 @@ class Surface:
     def _at_edge(self, st: Array) -> Mask:
         """Which coordinate is held at the edge, shape (n, 2)."""
         low, high = (np.array([self.s[k], self.t[k]]) for k in (0, -1))
-        return (st <= low) | (st >= high)
+        return np.asarray((st <= low) | (st >= high))
 
     def _closest(self, points: Array, st: Array) -> Feet:
         active = np.arange(len(points))
@@ -162,7 +162,7 @@ class Surface:
         away = points - foot
         side = np.einsum("nc,nc->n", away, np.cross(x, y))
         distance = np.copysign(np.linalg.norm(away, axis=1), side)
-        return Feet(st, distance, ~self._at_edge(st).any(axis=1))
+        return Feet(st, distance, np.all(~self._at_edge(st), axis=1))
 
     def _along(self, points: Array, axis: Array, across: Array, start: Array) -> Feet:
         st = np.array(start, dtype=float)
