@@ -225,6 +225,53 @@ def shape(
 
 
 @app.command()
+def validate(
+    cups_file: Annotated[
+        Path, typer.Argument(metavar="CUPS", help="Cups file (JSON).")
+    ],
+    scan_file: Annotated[
+        Path, typer.Argument(metavar="SCAN", help="Point cloud (CSV, XYZ or PLY).")
+    ],
+    model: Annotated[str, typer.Option(help="As in shape.")] = "quartic",
+    unit: Annotated[
+        str | None, typer.Option(help="Of XYZ and PLY files: mm (default) or m.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Draw scan, model, error (PNG).")
+    ] = None,
+    rms_mm: Annotated[
+        float, typer.Option(min=0.0, help="Largest good RMS error in z.")
+    ] = 1.6,
+    max_mm: Annotated[
+        float, typer.Option(min=0.0, help="Largest good error in z.")
+    ] = 4.6,
+    as_json: Json = False,
+) -> int:
+    """Score a ply model against a scan of a held ply; limits are the paper's errors."""
+    from drapeplan.cups import read_cups
+    from drapeplan.report_validate import validation_figure
+    from drapeplan.scan import read_scan
+    from drapeplan.validate import validate as score
+    from drapeplan.validate_words import document, table
+
+    if figure:
+        check_outputs([figure], [cups_file, scan_file])
+    found = score(read_cups(cups_file), read_scan(scan_file, unit), model)
+    good = found.within(rms_mm * 1e-3, max_mm * 1e-3)
+    if figure:
+        validation_figure(figure, found, scan_file.stem)
+    if as_json:
+        written = [str(figure)] if figure else []
+        facts = {"good": good, "written": written, **document(found)}
+        print(json.dumps(facts))
+        return 0 if good else 1
+    print(*table(found), sep="\n")
+    if not good:
+        print(f"not good: the limits in z are {rms_mm:g} mm RMS, {max_mm:g} mm")
+    return 0 if good else 1
+
+
+@app.command()
 def tool(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")],
     name: Annotated[str, typer.Option(help="Name of the tool and its files.")] = "tool",

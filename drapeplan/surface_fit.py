@@ -20,10 +20,10 @@ from ply.grid import CupGrid
 Array = NDArray[np.float64]
 
 KNOTS_A_SPAN = 4  # a fiber bows in one or two waves a span; finer knots fit the noise
-STIFFNESS = 1e-3  # [-] penalty over data: damps a bow of one span by less than 1e-3
+STIFFNESS = 3e-3  # [-] penalty over data: damps a bow of one span by 1e-3
 ROUNDS = 4  # of reweighting: strays of 20 mm are gone after two
 CUTOFF = 4.685  # [-] standard deviations where Tukey's weight ends
-LEAST_SCALE = 5e-5  # [m] of the noise: below it, a spline's own error looks like strays
+LEAST_SCALE = 3e-4  # [m] of the noise: below it, shapes finer than the knots look stray
 MOST_POINTS = 60000  # of a fit: 100 for each coefficient of the largest ply
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)  # along a fiber
 
