@@ -29,6 +29,10 @@ class FiberStatus(IntEnum):
     OVERSTRETCHED = 3  # the chord is longer than the fiber: no curve exists
     WEAK_DIRECTION = 4  # met, but nearly parallel cups decide the side of the bulge
     NOT_ASKED = 5  # the cubic was asked for: its length is not corrected
+    TAUT = 6  # no curve of these modes is as short, though its chord is
+    COINCIDENT = 7  # the facing edges of the cups meet
+    INVERTED = 8  # a cup faces away, or its neighbor lies behind it
+    SKEWED = 9  # a cup's rotation is none: its columns are not orthonormal
 
 
 class LengthStatus(IntEnum):
@@ -195,21 +199,22 @@ def bubble_height(surplus: ArrayLike, length: ArrayLike) -> Array:
     return 2 / np.pi * np.sqrt(np.asarray(length) * np.maximum(surplus, 0.0))
 
 
-def powers(u: ArrayLike) -> Array:
-    """Powers u^0 ... u^4 of positions u, shape (...) to (..., 5)."""
+def powers(u: ArrayLike, count: int = 5) -> Array:
+    """Powers u^0 ... u^(count - 1) of positions u, shape (...) to (..., count)."""
     u = np.asarray(u, dtype=float)[..., None]
-    return np.concatenate([np.ones_like(u), u, u**2, u**3, u**4], axis=-1)
+    return u ** np.arange(count)
 
 
 def arc_length(coefficients: Array) -> Array:
     """True arc length of fibers, by Gauss quadrature of their speed, Eq. 16.
 
     Args:
-        coefficients: Coefficients of u^0 ... u^4, shape (..., 5, 3), in [m].
+        coefficients: Coefficients of u^0, u^1, ..., shape (..., count, 3), in [m].
 
     Returns:
         Lengths, shape (...), in [m].
     """
-    rates = powers((NODES + 1) / 2)[:, :4] * np.arange(1, 5)
+    last = coefficients.shape[-2] - 1
+    rates = powers((NODES + 1) / 2, last) * np.arange(1, last + 1)
     velocity = rates @ coefficients[..., 1:, :]
     return np.sqrt(dot(velocity, velocity)) @ WEIGHTS / 2

@@ -2,13 +2,14 @@ r"""Patches inside four cups [Nielsen2018, 5.3].
 
 Two cubic blends, one along t between the strips that run along s and one along s
 between those that run along t, share the patch by a weight that leaves each strip its
-own edge. All of it is linear in the coefficients of the eight fibers around. In Eq. 43
-the term d b3 needs a minus sign, as Eq. 32 and 38 show.
+own edge. All of it is linear in the coefficients of the fibers around. In Eq. 43 the
+term d b3 needs a minus sign, as Eq. 32 and 38 show.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ply import strip
 from ply.fiber import Array, powers
 
 SHARPNESS = 1e4  # [-] a of Eq. 49, from Fig. 6 of the paper
@@ -16,8 +17,8 @@ ORDER = 2  # [-] k of Eq. 50, for which the paper has no value; 1..4 moves < 0.1
 TINY = 1e-12  # [-] epsilon of Eq. 47 and 48: defines the four corners
 
 
-def across(v: ArrayLike, length: float, half_width: float) -> Array:
-    """Weights of four fibers in the cubic from one strip to the next, Eq. 31-39.
+def across(v: ArrayLike, length: float, half_width: float, count: int = 2) -> Array:
+    """Weights of the fibers in the cubic from one strip to the next, Eq. 31-39.
 
     The cubic takes value and slope from Eq. 24 at the facing edges of both strips.
 
@@ -25,16 +26,20 @@ def across(v: ArrayLike, length: float, half_width: float) -> Array:
         v: Positions across the patch, shape (...), from 0 at the first strip to 1.
         length: Distance that v = 1 stands for, in [m].
         half_width: Half width of the strips, in [m].
+        count: Number of fibers of a strip: 2 or 3.
 
     Returns:
-        Weights of the outer and inner fiber of the first strip, then the inner and
-        outer fiber of the second, shape (..., 4).
+        Weights of the fibers of the first strip, its inner edge last, then those of the
+        second, its inner edge first, shape (..., 2 * count).
     """
-    v = np.asarray(v, dtype=float)
-    slope = length / (2 * half_width)
-    start, end = v * (1 - v) ** 2 * slope, v**2 * (v - 1) * slope
+    v = np.asarray(v, dtype=float)[..., None]
+    low, high = strip.slopes(half_width, count) * length
+    first = v * (1 - v) ** 2 * high
+    second = v**2 * (v - 1) * low
     rise = v**2 * (3 - 2 * v)
-    return np.stack([-start, 1 - rise + start, rise - end, end], axis=-1)
+    first[..., -1:] += 1 - rise
+    second[..., :1] += rise
+    return np.concatenate([first, second], axis=-1)
 
 
 def blend(u: ArrayLike, v: ArrayLike) -> Array:
@@ -57,9 +62,15 @@ def blend(u: ArrayLike, v: ArrayLike) -> Array:
 
 
 def weights(
-    u: ArrayLike, v: ArrayLike, s_length: float, t_length: float, half_width: float
+    u: ArrayLike,
+    v: ArrayLike,
+    s_length: float,
+    t_length: float,
+    half_width: float,
+    count: int = 2,
+    terms: int = 5,
 ) -> Array:
-    """Rows that take the coefficients of a patch's eight fibers to its points.
+    """Rows that take the coefficients of the fibers around a patch to its points.
 
     Args:
         u: Positions along s, shape (n,), from 0 to 1.
@@ -67,17 +78,21 @@ def weights(
         s_length: Free fiber length along s, in [m].
         t_length: Free fiber length along t, in [m].
         half_width: Half width of the strips, in [m].
+        count: Number of fibers of a strip.
+        terms: Number of coefficients of a fiber.
 
     Returns:
-        Rows over (fiber, power), shape (n, 8 * 5): the two fibers along s of the lower
-        row and the two of the upper, then the two along t of the left column and the
-        two of the right; in each pair the one at -half_width first.
+        Rows over (fiber, power), shape (n, 4 * count * terms): the fibers along s of
+        the lower row and those of the upper, then those along t of the left column and
+        of the right; in each strip the one at -half_width first.
     """
     share = blend(u, v)[..., None, None]
-    along_s = across(v, t_length, half_width)[..., :, None] * powers(u)[..., None, :]
-    along_t = across(u, s_length, half_width)[..., :, None] * powers(v)[..., None, :]
+    v_weights = across(v, t_length, half_width, count)
+    u_weights = across(u, s_length, half_width, count)
+    along_s = v_weights[..., :, None] * powers(u, terms)[..., None, :]
+    along_t = u_weights[..., :, None] * powers(v, terms)[..., None, :]
     rows = np.concatenate([share * along_s, (1 - share) * along_t], axis=-2)
-    return rows.reshape(*rows.shape[:-2], 40)
+    return rows.reshape(*rows.shape[:-2], 4 * count * terms)
 
 
 def _near_edge(x: Array) -> Array:

@@ -5,15 +5,16 @@ along t. So the surface is
 
 .. math:: P = W \circ (A_t C_s) + (1 - W) \circ (C_t^T A_s^T),
 
-where :math:`C_s` holds the edge curves of each row of cups at the lines of s (cup edges
-where a line crosses cups), :math:`A_t` the weights of those curves at the lines of t
-(Eq. 24 on the cups, Eq. 35-39 between them), :math:`C_t` and :math:`A_s` the same for
-the columns, and :math:`W` the blend: 1 along rows of cups, 0 on the strips along t,
+where :math:`C_s` holds the fibers of each row of cups at the lines of s (straight where
+they cross cups), :math:`A_t` the weights of those curves at the lines of t (Eq. 24 on
+the cups, Eq. 35-39 between them), :math:`C_t` and :math:`A_s` the same for the columns,
+and :math:`W` the blend: 1 along rows of cups, 0 on the strips along t,
 Eq. 46-50 inside the patches.
 """
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,11 +46,8 @@ class PlySampling:
     t: Array
     cup_index: NDArray[np.int64] = field(init=False)
     cups_around: NDArray[np.int64] = field(init=False)
-    _s_curves: Array = field(init=False)  # (n_s, 5 (columns - 1) + 2 columns)
-    _t_curves: Array = field(init=False)  # (n_t, 5 (rows - 1))
-    _s_weights: Array = field(init=False)  # (n_s, 2 columns)
-    _t_weights: Array = field(init=False)  # (n_t, 2 rows)
     _blend: Array = field(init=False)  # (n_t, n_s)
+    _matrices: dict[tuple[int, int], "_Matrices"] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the lines and fill the matrices."""
@@ -64,22 +62,17 @@ class PlySampling:
             nearest + i * grid.columns * t.in_span[:, None] + j * s.in_span
             for i, j in corners
         ]
-        curves = [_fiber_rows(s, grid.columns), _cup_rows(s, grid.columns)]
-        half = grid.half_width
-        matrices = {
+        arrays = {
             "s": np.array(self.s, dtype=float),
             "t": np.array(self.t, dtype=float),
             "cup_index": np.where(on_cup, nearest, -1),
             "cups_around": np.stack(around, axis=-1),
-            "_s_curves": np.concatenate(curves, axis=-1),
-            "_t_curves": _fiber_rows(t, grid.rows),
-            "_s_weights": _curve_weights(s, grid.columns, grid.s_length, half),
-            "_t_weights": _curve_weights(t, grid.rows, grid.t_length, half),
             "_blend": np.where(both, shares, ~t.in_span[:, None]),
         }
-        for name, array in matrices.items():
+        for name, array in arrays.items():
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        object.__setattr__(self, "_matrices", {})
 
     @classmethod
     def regular(
@@ -131,40 +124,70 @@ class PlySampling:
         """
         rows, columns = self.grid.rows, self.grid.columns
         batch = np.shape(positions)[:-2]
-        edges = self._cup_edges(positions, rotations)
-        along_s = np.moveaxis(fibers.s, (-1, -4), (-5, -2))  # (3, rows, 2, spans, 5)
-        s_terms = np.concatenate(
-            [along_s.reshape(*batch, 3 * rows * 2, 5 * (columns - 1)), edges], axis=-1
+        count, terms = fibers.s.shape[-3:-1]
+        matrices = self._matrices_of(count, terms)
+        edges = self._cup_edges(positions, rotations, count)
+        along_s = np.moveaxis(
+            fibers.s, (-1, -4), (-5, -2)
+        )  # (3, rows, count, spans, K)
+        s_shape = (*batch, 3 * rows * count, terms * (columns - 1))
+        s_terms = np.concatenate([along_s.reshape(s_shape), edges], axis=-1)
+        along_t = np.moveaxis(fibers.t, (-1, -5), (-5, -2))  # (3, columns, count, ...)
+        t_terms = along_t.reshape(*batch, 3 * columns * count, terms * (rows - 1))
+        s_tail, t_tail = (
+            (3, count * rows, len(self.s)),
+            (3, count * columns, len(self.t)),
         )
-        along_t = np.moveaxis(fibers.t, (-1, -5), (-5, -2))  # (3, columns, 2, spans, 5)
-        t_terms = along_t.reshape(*batch, 3 * columns * 2, 5 * (rows - 1))
-        s_curves = _product(s_terms, self._s_curves.T, (3, 2 * rows, len(self.s)))
-        t_curves = _product(t_terms, self._t_curves.T, (3, 2 * columns, len(self.t)))
-        gamma_s = self._t_weights @ s_curves  # (..., 3, n_t, n_s)
-        gamma_t = np.swapaxes(t_curves, -1, -2) @ self._s_weights.T
+        s_curves = _product(s_terms, matrices.s_curves.T, s_tail)
+        t_curves = _product(t_terms, matrices.t_curves.T, t_tail)
+        gamma_s = matrices.t_weights @ s_curves  # (..., 3, n_t, n_s)
+        gamma_t = np.swapaxes(t_curves, -1, -2) @ matrices.s_weights.T
         gamma_s -= gamma_t
         gamma_s *= self._blend
         out = np.empty((*batch, len(self.t), len(self.s), 3))
         np.add(gamma_s, gamma_t, out=np.moveaxis(out, -1, -3))
         return out
 
-    def _cup_edges(self, positions: Array, rotations: Array) -> Array:
-        """Origins and directions of the cup edges along s.
+    def _matrices_of(self, count: int, terms: int) -> "_Matrices":
+        """The matrices for strips of so many fibers with so many terms, made once."""
+        if (count, terms) not in self._matrices:
+            grid, half = self.grid, self.grid.half_width
+            s, t = grid.place_s(self.s), grid.place_t(self.t)
+            curves = [_fiber_rows(s, grid.columns, terms), _cup_rows(s, grid.columns)]
+            self._matrices[count, terms] = _Matrices(
+                np.concatenate(curves, axis=-1),
+                _fiber_rows(t, grid.rows, terms),
+                _curve_weights(s, grid.columns, grid.s_length, half, count),
+                _curve_weights(t, grid.rows, grid.t_length, half, count),
+            )
+        return self._matrices[count, terms]
 
-        Shape (..., 3 * rows * 2, columns * 2), ordered (coordinate, row, side) and
+    def _cup_edges(self, positions: Array, rotations: Array, count: int) -> Array:
+        """Origins and directions of the lines that fibers along s draw on the cups.
+
+        Shape (..., 3 * rows * count, columns * 2), ordered (coordinate, row, fiber) and
         (column, origin or direction).
         """
         rows, columns = self.grid.rows, self.grid.columns
         batch = np.shape(positions)[:-2]
-        edges = np.empty((*batch, 3, rows, 2, columns, 2))
+        edges = np.empty((*batch, 3, rows, count, columns, 2))
         tail = (3, rows, columns)
         p = np.swapaxes(positions, -1, -2).reshape(*batch, *tail)
         frames = np.moveaxis(rotations, (-1, -2), (-3, -2)).reshape(*batch, 3, *tail)
         x, y = frames[..., 0, :, :, :], frames[..., 1, :, :, :]
-        edges[..., 0, :, 0] = p - self.grid.half_width * y
-        edges[..., 1, :, 0] = p + self.grid.half_width * y
+        offsets = np.linspace(-self.grid.half_width, self.grid.half_width, count)
+        edges[..., 0] = p[..., None, :] + offsets[:, None] * y[..., None, :]
         edges[..., 1] = x[..., None, :]
-        return edges.reshape(*batch, 6 * rows, 2 * columns)
+        return edges.reshape(*batch, 3 * rows * count, 2 * columns)
+
+
+class _Matrices(NamedTuple):
+    """Constant matrices of a sampling, for count fibers a strip with K terms each."""
+
+    s_curves: Array  # (n_s, K (columns - 1) + 2 columns)
+    t_curves: Array  # (n_t, K (rows - 1))
+    s_weights: Array  # (n_s, count columns)
+    t_weights: Array  # (n_t, count rows)
 
 
 def _lines(name: str, lines: ArrayLike) -> Array:
@@ -183,11 +206,11 @@ def _regular_lines(grid: CupGrid, count: int, step: float, overhang: float) -> A
     return np.concatenate([first - beyond[::-1], inside, last + beyond])
 
 
-def _fiber_rows(place: AxisPlace, count: int) -> Array:
-    """Powers of u in the columns of each line's own span, shape (n, 5 (count - 1))."""
-    rows = np.zeros((len(place.y), count, 5))
+def _fiber_rows(place: AxisPlace, cups: int, terms: int) -> Array:
+    """Powers of u in the columns of each line's own span, (n, terms (cups - 1))."""
+    rows = np.zeros((len(place.y), cups, terms))
     span = np.flatnonzero(place.in_span)
-    rows[span, place.cup[span]] = powers(place.u[span])
+    rows[span, place.cup[span]] = powers(place.u[span], terms)
     return rows[:, :-1].reshape(len(place.y), -1)
 
 
@@ -201,15 +224,15 @@ def _cup_rows(place: AxisPlace, count: int) -> Array:
 
 
 def _curve_weights(
-    place: AxisPlace, count: int, length: float, half_width: float
+    place: AxisPlace, cups: int, length: float, half_width: float, count: int
 ) -> Array:
-    """Weights of the two edge curves of each cup, shape (n, 2 count)."""
-    rows = np.zeros((len(place.y), count, 2))
+    """Weights of the curves of each cup's fibers, shape (n, count cups)."""
+    rows = np.zeros((len(place.y), cups, count))
     cup, span = np.flatnonzero(~place.in_span), np.flatnonzero(place.in_span)
-    rows[cup, place.cup[cup]] = strip.across(place.y[cup], half_width)
-    four = patch.across(place.u[span], length, half_width)
-    rows[span, place.cup[span]] = four[:, :2]
-    rows[span, place.cup[span] + 1] = four[:, 2:]
+    rows[cup, place.cup[cup]] = strip.across(place.y[cup], half_width, count)
+    both = patch.across(place.u[span], length, half_width, count)
+    rows[span, place.cup[span]] = both[:, :count]
+    rows[span, place.cup[span] + 1] = both[:, count:]
     return rows.reshape(len(place.y), -1)
 
 

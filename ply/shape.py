@@ -37,7 +37,7 @@ def evaluate(
     """
     points_st = np.asarray(points_st, dtype=float)
     s, t = grid.place_s(points_st[:, 0]), grid.place_t(points_st[:, 1])
-    half = grid.half_width
+    half, layout = grid.half_width, fibers.s.shape[-3:-1]
     out = np.empty((*np.shape(positions)[:-2], len(points_st), 3))
 
     n = np.flatnonzero(~s.in_span & ~t.in_span)
@@ -47,15 +47,16 @@ def evaluate(
     out[..., n, :] = positions[..., cup, :] + (frame @ local[..., None])[..., 0]
 
     n = np.flatnonzero(s.in_span & ~t.in_span)
-    rows = strip.weights(s.u[n], t.y[n], half)
+    rows = strip.weights(s.u[n], t.y[n], half, *layout)
     out[..., n, :] = _combine(rows, fibers.s[..., t.cup[n], s.cup[n], :, :, :])
 
     n = np.flatnonzero(~s.in_span & t.in_span)
-    rows = strip.weights(t.u[n], s.y[n], half)
+    rows = strip.weights(t.u[n], s.y[n], half, *layout)
     out[..., n, :] = _combine(rows, fibers.t[..., t.cup[n], s.cup[n], :, :, :])
 
     n = np.flatnonzero(s.in_span & t.in_span)
-    rows = patch.weights(s.u[n], t.u[n], grid.s_length, grid.t_length, half)
+    lengths = grid.s_length, grid.t_length
+    rows = patch.weights(s.u[n], t.u[n], *lengths, half, *layout)
     i, j = t.cup[n], s.cup[n]
     around = [fibers.s[..., i, j, :, :, :], fibers.s[..., i + 1, j, :, :, :]]
     around += [fibers.t[..., i, j, :, :, :], fibers.t[..., i, j + 1, :, :, :]]
@@ -64,6 +65,6 @@ def evaluate(
 
 
 def _combine(rows: Array, coefficients: Array) -> Array:
-    """Rows (n, k) times coefficients (..., n, fibers, 5, 3) with k = 5 fibers."""
+    """Rows (n, k) times coefficients (..., n, fibers, terms, 3), k = fibers terms."""
     flat = coefficients.reshape(*coefficients.shape[:-3], rows.shape[-1], 3)
     return np.einsum("nk,...nkc->...nc", rows, flat)

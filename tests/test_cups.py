@@ -209,7 +209,7 @@ def test_bad_points_files_are_refused(write, tmp_path, text, words):
     assert caught.value.source == str(path)
 
 
-@pytest.mark.parametrize("model", ["auto", "modal", "coupled", "Quartic"])
+@pytest.mark.parametrize("model", ["auto", "coupled", "Quartic"])
 def test_models_to_come_are_named_as_such(write, model):
     with pytest.raises(InputError, match="choose from quartic, cubic"):
         shape_table(read_cups(write()), model)
