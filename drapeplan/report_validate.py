@@ -23,6 +23,7 @@ GRAY = "#e6e6e6"  # no data
 INK = "#222222"
 STEPS = np.array([0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50])  # [mm] between contours
 LEVELS = 12  # about as many contours as can be counted
+BAR = {"pad": 0.015, "fraction": 0.05, "aspect": 18, "shrink": 0.88}
 STYLE = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "font.size": 8,
@@ -96,13 +97,15 @@ def _draw_heights(
     panels[1].clabel(lines, levels[::2], fontsize=5.5, fmt="%g")
     panels[1].set_title(f"model: {validation.model}", loc="left", x=0.06)
     for axes in panels:
-        bar = figure.colorbar(filled, ax=axes, pad=0.015, fraction=0.05, aspect=18)
+        bar = figure.colorbar(filled, ax=axes, **BAR)
         bar.set_label("height (mm)")
         bar.outline.set_linewidth(0.5)
 
 
 def _draw_error(figure: Any, axes: Any, validation: Validation, plan: Array) -> None:
     """Smoothed error along the normal over the free ply that the scan covers."""
+    from matplotlib.patheffects import withStroke
+
     error = _error_map(validation)
     x, y = plan[..., 0], plan[..., 1]
     largest = max(float(abs(error).max()), 0.1)
@@ -123,15 +126,18 @@ def _draw_error(figure: Any, axes: Any, validation: Validation, plan: Array) -> 
     place = validation.evidence.surface.points([(worst.s, worst.t)])
     at = validation.evidence.frame.local(place)[0] / MM
     axes.plot(*at[:2], "x", color=INK, markersize=5, markeredgewidth=1.1)
-    axes.annotate(
+    words = axes.annotate(
         f"{worst.error / MM:+.2f}",
         at[:2],
         xytext=(4, 4),
         textcoords="offset points",
         fontsize=7,
+        zorder=7,
     )
-    bar = figure.colorbar(filled, ax=axes, pad=0.015, fraction=0.05, aspect=18)
-    bar.set_ticks(whole[::2] if count > 8 else whole)
+    words.set_path_effects([withStroke(linewidth=2, foreground="white")])
+    bar = figure.colorbar(filled, ax=axes, **BAR)
+    middle = count // 2  # zero is among the ticks
+    bar.set_ticks(whole[middle % 2 :: 2] if count > 6 else whole)
     bar.set_label("normal error (mm)")
     bar.outline.set_linewidth(0.5)
 
@@ -174,7 +180,11 @@ def _dress(axes: Any, validation: Validation, plan: Array) -> None:
         )
     low, high = plan.min(axis=(0, 1)) - 6, plan.max(axis=(0, 1)) + 6
     axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set(xlabel="x, along the rows of cups (mm)", ylabel="y (mm)", facecolor=GRAY)
+    axes.set(
+        xlabel="x, along the rows of cups (mm)",
+        ylabel="y, along the columns (mm)",
+        facecolor=GRAY,
+    )
 
 
 def _levels(low: float, high: float) -> Array:

@@ -1,0 +1,354 @@
+r"""What the closed-form models leave out, estimated before it is modeled.
+
+Each estimate is a length: how far the ply may lie from the shape of independent fibers
+because of gravity, shear, or strips that disagree. A caller compares it with its
+tolerance and climbs to a dearer model only where it must. Derivations: D8.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ply.errors import PlyError
+from ply.fiber import Array, bubble_height, dot, natural_length
+from ply.grid import CupGrid
+from ply.sampling import PlySampling
+from ply.weave import ply_fibers
+
+EARTH = (0.0, 0.0, -9.81)  # [m/s^2]
+SHEAR_STIFFNESS = 300.0  # [N/m] in-plane, of woven prepreg: plausible, not measured
+CLAMPED_SPAN = 384.0  # [-] q L^4 / (384 D): middle of a strip clamped at both ends
+PATCH_SAG = 2.8  # [-] patch over strip: plate on square cups, d / L = 2 / 7, D8
+CLAMPED_SHEAR = 14.71  # [-] of pi^2 D / L^2: a clamped square buckles in shear
+MOST_AMPLIFIED = 0.9  # [-] of that load: past it, linear amplification says nothing
+CORNER = 4.0  # [-] droop of a corner over an edge: its cantilever is sqrt(2) longer
+MIDDLE = 16  # chords of a patch's middle fiber: its length to 1e-4 of its slack
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """Estimates for each pose of a batch, in [m] but for angles.
+
+    Spans have shape (..., rows, columns - 1) along s and (..., rows - 1, columns) along
+    t, patches (..., rows - 1, columns - 1), cups (..., rows, columns).
+
+    Attributes:
+        s_surplus: Length that a fiber has beyond what its cups ask for, negative where
+            it misses some; of both edges of the span the one further from 0.
+        t_surplus: The same along t.
+        s_turn: Angle between the fiber directions of both cups, in [rad].
+        t_turn: The same along t.
+        s_shear: Largest in-plane angle between a cup's s and the chord, in [rad].
+        t_shear: The same along t.
+        shear: Shear angle of each patch: of its strips' chords or within its strips,
+            whichever is larger, in [rad].
+        s_sag: Gravity sag in the middle of a span of single strips along s.
+        t_sag: The same along t.
+        sag: Gravity sag in the middle of each patch.
+        droop: Gravity droop of the ply's edge at each cup, were it an outer one.
+        corner_droop: The same for a corner.
+        shear_effect: What shear may add to the shape of each patch.
+        coupling: How far the strips around each patch may be off, since the fiber in
+            its middle has another length than they give it.
+    """
+
+    s_surplus: Array
+    t_surplus: Array
+    s_turn: Array
+    t_turn: Array
+    s_shear: Array
+    t_shear: Array
+    shear: Array
+    s_sag: Array
+    t_sag: Array
+    sag: Array
+    droop: Array
+    corner_droop: Array
+    shear_effect: Array
+    coupling: Array
+
+
+class Estimate(NamedTuple):
+    """One line of a report.
+
+    Attributes:
+        name: What is estimated.
+        value: Largest value over the ply, in `unit`.
+        unit: "mm", "deg" or "1/m".
+        source: Formula and where it comes from.
+    """
+
+    name: str
+    value: float
+    unit: str
+    source: str
+
+
+def measures(
+    grid: CupGrid,
+    positions: Array,
+    rotations: Array,
+    bending: float,
+    areal_mass: float,
+    *,
+    overhang: float = 0.0,
+    shear_stiffness: float = SHEAR_STIFFNESS,
+    gravity: ArrayLike = EARTH,
+) -> Measures:
+    """Estimate what independent fibers leave out.
+
+    Args:
+        grid: The cup array.
+        positions: Centers of the suction faces, shape (..., n_cups, 3), in [m].
+        rotations: Cup frames, shape (..., n_cups, 3, 3).
+        bending: Bending stiffness of the ply, in [N m].
+        areal_mass: Mass of the ply, in [kg/m^2].
+        overhang: Ply beyond the outer cups, in [m].
+        shear_stiffness: In-plane shear stiffness, in [N/m].
+        gravity: Acceleration, shape (3,), in [m/s^2].
+
+    Returns:
+        The measures.
+
+    Raises:
+        PlyError: A stiffness is not positive, a mass or an overhang is negative, or the
+            poses do not fit the grid.
+    """
+    _check(bending, areal_mass, overhang, shear_stiffness)
+    coupling = _coupling(grid, positions, rotations)
+    batch = np.shape(positions)[:-2]
+    p = np.reshape(positions, (*batch, grid.rows, grid.columns, 3))
+    frames = np.reshape(rotations, (*batch, grid.rows, grid.columns, 3, 3))
+    s, t = _family(grid, p, frames, 0), _family(grid, p, frames, 1)
+    pressure = areal_mass * abs(np.moveaxis(frames, -1, 0)[2] @ np.asarray(gravity))
+    s_load = (pressure[..., :-1] + pressure[..., 1:]) / 2
+    t_load = (pressure[..., :-1, :] + pressure[..., 1:, :]) / 2
+    s_sag = clamped_sag(s_load, grid.s_length, bending)
+    t_sag = clamped_sag(t_load, grid.t_length, bending)
+    strips = _around(np.maximum, s_sag, t_sag)
+    turn = _around(np.maximum, s.turn, t.turn)
+    inside = _around(np.maximum, s.shear, t.shear)
+    shear = np.maximum(inside, _patch_shear(s.chord, t.chord))
+    length = max(grid.s_length, grid.t_length)
+    droop = cantilever_droop(overhang, overhang, pressure, bending)
+    return Measures(
+        *(s.surplus, t.surplus, s.turn, t.turn, s.shear, t.shear, shear),
+        *(s_sag, t_sag, PATCH_SAG * strips, droop, CORNER * droop),
+        shear_effect(shear, turn, length, bending, shear_stiffness),
+        coupling,
+    )
+
+
+def clamped_sag(load: ArrayLike, length: ArrayLike, bending: float) -> Array:
+    """Sag in the middle of a strip clamped at both ends: q L^4 / (384 D).
+
+    Args:
+        load: Force an area along the normal, shape (...), in [N/m^2].
+        length: Free length, shape (...), in [m].
+        bending: Bending stiffness, in [N m].
+
+    Returns:
+        Sags, shape (...), in [m].
+    """
+    return np.asarray(load) * np.asarray(length) ** 4 / (CLAMPED_SPAN * bending)
+
+
+def cantilever_droop(
+    y: ArrayLike, overhang: ArrayLike, load: ArrayLike, bending: float
+) -> Array:
+    """Droop of ply beyond an outer cup, which it leaves along the cup's tangent.
+
+    Args:
+        y: Distances beyond the cup's edge, shape (...), in [m]; from 0 to the overhang.
+        overhang: Ply beyond the edge, shape (...), in [m].
+        load: Force an area along the normal, shape (...), in [N/m^2].
+        bending: Bending stiffness, in [N m].
+
+    Returns:
+        q y^2 (y^2 - 4 l y + 6 l^2) / (24 D), shape (...), in [m], along the load; at
+        the end q l^4 / (8 D).
+    """
+    y, end = np.asarray(y, dtype=float), np.asarray(overhang, dtype=float)
+    shape = y**2 * (y**2 - 4 * end * y + 6 * end**2)
+    return np.asarray(load) * shape / (24 * bending)
+
+
+def shear_effect(
+    shear: ArrayLike,
+    turn: ArrayLike,
+    length: float,
+    bending: float,
+    shear_stiffness: float,
+) -> Array:
+    """What in-plane shear adds to the height of a curved patch.
+
+    A compressive load amplifies a height h by h x / (1 - x), x the load over the one
+    that buckles the flat patch (Timoshenko and Gere); the height is that of an arc over
+    the patch's diagonal.
+
+    Args:
+        shear: Shear angles, shape (...), in [rad].
+        turn: Angles by which the fibers turn over the span, shape (...), in [rad].
+        length: Side of the patch, in [m].
+        bending: Bending stiffness, in [N m].
+        shear_stiffness: In-plane shear stiffness, in [N/m].
+
+    Returns:
+        Heights, shape (...), in [m]; those at 0.9 of the buckling load, where it is
+        more.
+    """
+    buckling = CLAMPED_SHEAR * np.pi**2 * bending / length**2
+    x = np.minimum(shear_stiffness * np.abs(shear) / buckling, MOST_AMPLIFIED)
+    return np.abs(turn) * length / 4 * x / (1 - x)
+
+
+def estimates(found: Measures, grid: CupGrid) -> list[Estimate]:
+    """The largest of each measure over the ply and the batch, to print.
+
+    Args:
+        found: The measures.
+        grid: The cup array.
+
+    Returns:
+        One estimate for each line; those that the array has no place for are left out.
+    """
+    lengths = (grid.s_length, grid.t_length)
+    turns, surpluses = (found.s_turn, found.t_turn), (found.s_surplus, found.t_surplus)
+    curvature = [turn / length for turn, length in zip(turns, lengths, strict=True)]
+    pairs = list(zip(surpluses, lengths, strict=True))
+    bows = [bubble_height(surplus, length) for surplus, length in pairs]
+    missing = [np.maximum(-surplus, 0.0) for surplus in surpluses]
+    degrees = np.rad2deg(found.shear)
+    rows = [
+        ("curvature", curvature, "1/m", "turn between neighboring cups over L"),
+        ("fiber length missing", missing, "mm", "natural length less L, D2"),
+        ("bow of slack", bows, "mm", "(2 / pi) sqrt(L e), D4"),
+        (
+            "gravity sag, strips",
+            [found.s_sag, found.t_sag],
+            "mm",
+            "q L^4 / (384 D), D8",
+        ),
+        ("gravity sag, patches", [found.sag], "mm", "2.8 q L^4 / (384 D), D8"),
+        ("gravity droop, edge", [found.droop], "mm", "q l^4 / (8 D), D8"),
+        ("gravity droop, corner", [found.corner_droop], "mm", "q l^4 / (2 D), D8"),
+        ("shear", [degrees], "deg", "chords of a patch, and of strips to their cups"),
+        ("shear effect", [found.shear_effect], "mm", "h x / (1 - x), D8"),
+        ("coupling of strips", [found.coupling], "mm", "bow of the middle fiber, D8"),
+    ]
+    return [
+        Estimate(
+            name, max(1e3 ** (unit == "mm") * _largest(a) for a in arrays), unit, words
+        )
+        for name, arrays, unit, words in rows
+        if any(array.size for array in arrays)
+    ]
+
+
+class _Family(NamedTuple):
+    """One family of spans."""
+
+    surplus: Array
+    turn: Array
+    shear: Array
+    chord: Array  # unit chords, shape (..., 3)
+
+
+def _family(grid: CupGrid, p: Array, frames: Array, k: int) -> _Family:
+    """Measures of the spans along s (k = 0) or t (k = 1)."""
+    axis = -2 + k if k == 0 else -3
+    half, length = grid.half_width, (grid.s_length, grid.t_length)[k]
+    along, across = frames[..., k], frames[..., 1 - k]
+
+    def ends(array: Array) -> tuple[Array, Array]:
+        count = array.shape[axis]
+        first, last = np.arange(count - 1), np.arange(1, count)
+        return np.take(array, first, axis), np.take(array, last, axis)
+
+    (x0, x1), (y0, y1) = ends(along), ends(across)
+    r0, r1 = ends(p)[0] + half * x0, ends(p)[1] - half * x1
+    sides = [
+        length - natural_length(r0 + d * y0, r1 + d * y1, x0, x1) for d in (-half, half)
+    ]
+    surplus = np.where(abs(sides[0]) > abs(sides[1]), sides[0], sides[1])
+    chord = _unit(r1 - r0)
+    turn = np.arctan2(np.linalg.norm(np.cross(x0, x1), axis=-1), dot(x0, x1))
+    lateral = np.maximum(abs(dot(chord, y0)), abs(dot(chord, y1)))
+    return _Family(surplus, turn, np.arcsin(np.minimum(lateral, 1.0)), chord)
+
+
+def _patch_shear(s_chord: Array, t_chord: Array) -> Array:
+    """Angle by which the mean chords of each patch miss the right one, in [rad]."""
+    s = _unit(s_chord[..., :-1, :, :] + s_chord[..., 1:, :, :])
+    t = _unit(t_chord[..., :, :-1, :] + t_chord[..., :, 1:, :])
+    return abs(np.arcsin(np.clip(dot(s, t), -1.0, 1.0)))
+
+
+def _coupling(grid: CupGrid, positions: Array, rotations: Array) -> Array:
+    """Change of bow that gives a patch's middle fibers their length, shape of patches.
+
+    Of both directions the larger one.
+    """
+    fibers = ply_fibers(grid, positions, rotations, model="quartic")
+    batch = np.shape(positions)[:-2]
+    u = np.linspace(0.0, 1.0, MIDDLE + 1)
+    shape = (grid.rows - 1, grid.columns - 1)
+    worst = np.zeros((*batch, *shape))
+    if not worst.size:
+        return worst
+    middle, lines = (
+        [
+            grid.pitch * np.arange(count - 1)[:, None] + grid.half_width + grid.span * v
+            for count in (grid.columns, grid.rows)
+        ]
+        for v in (np.array([0.5]), u)
+    )
+    for k, length in enumerate((grid.s_length, grid.t_length)):
+        places = [(lines if axis == k else middle)[axis].ravel() for axis in (0, 1)]
+        points = PlySampling(grid, *places).points(fibers, positions, rotations)
+        counts = [len(u) if axis == k else 1 for axis in (0, 1)]
+        split = (*batch, shape[0], counts[1], shape[1], counts[0], 3)
+        curve = np.swapaxes(points.reshape(split), -4, -3)  # patches, then their points
+        curve = curve.reshape(*batch, *shape, len(u), 3)
+        worst = np.maximum(worst, _missing_bow(curve, length))
+    return worst
+
+
+def _missing_bow(curve: Array, length: float) -> Array:
+    """Bow of a fiber of given length less that of a curve with the same ends."""
+    chord = np.linalg.norm(curve[..., -1, :] - curve[..., 0, :], axis=-1)
+    arc = np.linalg.norm(np.diff(curve, axis=-2), axis=-1).sum(axis=-1)
+    return abs(
+        bubble_height(length - chord, length) - bubble_height(arc - chord, length)
+    )
+
+
+def _around(join: np.ufunc, s: Array, t: Array) -> Array:
+    """Values of the four spans around each patch, joined."""
+    along_s = join(s[..., :-1, :], s[..., 1:, :])
+    return join(along_s, join(t[..., :, :-1], t[..., :, 1:]))
+
+
+def _unit(vectors: Array) -> Array:
+    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(size > 0, size, 1.0)
+
+
+def _largest(array: Array) -> float:
+    return float(np.max(array, initial=0.0))
+
+
+def _check(
+    bending: float, areal_mass: float, overhang: float, shear_stiffness: float
+) -> None:
+    positive = {"bending": bending, "shear_stiffness": shear_stiffness}
+    for name, value in (
+        positive | {"areal_mass": areal_mass, "overhang": overhang}
+    ).items():
+        least = "more than 0" if name in positive else "0 or more"
+        if not (
+            np.isfinite(value) and (value > 0 or (value == 0 and name not in positive))
+        ):
+            raise PlyError(name, f"{value:g}", f"use {least}")
