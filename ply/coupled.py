@@ -7,6 +7,7 @@ be shaped one by one. Slack leaves several stable shapes; the start decides whic
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,11 +28,11 @@ from ply.grid import CupGrid, Region
 
 __all__ = ["CoupledModel", "CoupledPatches", "CoupledStatus"]
 
-GAUSS = (6, 3)  # [-] points along a span and a cup: exact ones would lock (D20)
+CUP_POINTS = 3  # [-] Gauss points across a cup; order + 1 along a span (D20)
 CHUNK = 16  # [-] patches solved together: their matrices stay in the cache
 ROTATION = 1e-6  # [-] departure from a rotation that is the rounding of a file
-DISTINCT = 1e-4  # [m] rms distance below which two shapes are one
-SIDES = 1 - 2 * np.stack(np.unravel_index(range(16), (2, 2, 2, 2)), axis=-1)
+FARTHEST = 10.0  # [-] distance of two cups over the pitch that is an error
+ARRAYS = ("coefficients", "cups", "energy", "strain", "status", "iterations")
 STRIPS = {Region.S_STRIP: 0, Region.T_STRIP: 2}  # strip of the patch that stands alone
 
 
@@ -59,10 +60,18 @@ class CoupledPatches:
     status: Statuses
     iterations: NDArray[np.int64]
 
-    def __getitem__(self, index: object) -> "CoupledPatches":
+    def __getitem__(self, index: Any) -> "CoupledPatches":
         """Shapes picked along the batch axes."""
-        names = ("coefficients", "cups", "energy", "strain", "status", "iterations")
-        return CoupledPatches(self.region, *(getattr(self, k)[index] for k in names))
+        batch = self.energy.shape
+        flat = np.arange(self.energy.size).reshape(batch)[index]
+        arrays = (getattr(self, name) for name in ARRAYS)
+        return CoupledPatches(
+            self.region,
+            *(
+                a.reshape((self.energy.size, *a.shape[len(batch) :]))[flat]
+                for a in arrays
+            ),
+        )
 
 
 @dataclass(frozen=True)
@@ -155,34 +164,6 @@ class CoupledModel:
         sides = None if sides is None else np.asarray(sides)[..., None]
         return self._solve(along, positions, rotations, sides, start)
 
-    def alternatives(
-        self, positions: ArrayLike, rotations: ArrayLike, count: int = 4
-    ) -> CoupledPatches:
-        """Different stable shapes of the same cups, by increasing energy.
-
-        Every strip starts up and down: 16 starts for a patch, 2 for a strip.
-
-        Args:
-            positions: Cup centers, shape (..., 4, 3), or (..., 2, 3) for strips along
-                s, in [m].
-            rotations: Cup frames, shape (..., 4, 3, 3) or (..., 2, 3, 3).
-            count: Number of shapes to give.
-
-        Returns:
-            Shapes with a last batch axis of length `count`; where fewer exist, the rest
-            repeats the first and has the status ABSENT.
-
-        Raises:
-            PlyError: The shape of an array does not fit.
-        """
-        positions, rotations = np.asarray(positions), np.asarray(rotations)
-        region = Region.PATCH if positions.shape[-2:-1] == (4,) else Region.S_STRIP
-        sides = SIDES if region == Region.PATCH else np.array([[1], [-1]])
-        found = self._solve(
-            region, positions[..., None, :, :], rotations[..., None, :, :, :], sides
-        )
-        return self._distinct(found, count)
-
     def points(self, patches: CoupledPatches, s: ArrayLike, t: ArrayLike) -> Array:
         """Positions of material points of patches.
 
@@ -212,13 +193,12 @@ class CoupledModel:
             Matrices over the coefficients, shape (n, size), and cups, shape (n, 12).
         """
         flat = [x.ravel() for x in np.broadcast_arrays(s, t)]
-        axes = (self.basis.s, self.basis.t)
         d, span = self.grid.half_width, self.grid.span
-        places = [
+        s, t = (
             x + (axis.length / span - 1) * np.clip(x - d, 0, span)
-            for x, axis in zip(flat, axes, strict=True)
-        ]
-        return self.basis.rows(self._functions(region), *places)
+            for x, axis in zip(flat, (self.basis.s, self.basis.t), strict=True)
+        )
+        return self.basis.rows(self._functions(region), s, t)
 
     def body(self, region: Region) -> Body:
         """Matrices of a patch or of a strip."""
@@ -230,9 +210,10 @@ class CoupledModel:
         stiffness = Stiffness(self.stretch, self.shear, self.bending, self.torsion)
         inner = basis.strips[:, 2 * self.order :].reshape(-1, 2)
         functions = np.concatenate([inner, basis.inside])
-        core = basis.piece(functions, (SPAN, SPAN), stiffness, GAUSS)
+        points = self.order + 1, CUP_POINTS
+        core = basis.piece(functions, (SPAN, SPAN), stiffness, points)
         strips = [
-            basis.piece(own, where, stiffness, GAUSS)
+            basis.piece(own, where, stiffness, points)
             for own, where in zip(basis.strips, STRIP_INTERVALS, strict=True)
         ]
         none = stack(strips[:1], 0)
@@ -262,77 +243,68 @@ class CoupledModel:
     ) -> CoupledPatches:
         cups = np.arange(4) if region == Region.PATCH else STRIP_CUPS[STRIPS[region]]
         n_strips = 4 if region == Region.PATCH else 1
-        p, frames, chosen, batch = _flat(
-            positions, rotations, sides, len(cups), n_strips
-        )
-        good = _sound(p, frames)
+        p, frames, chosen, batch = _flat(positions, rotations, sides, n_strips)
+        good = _sound(p, frames, self.grid.pitch)
         p = np.where(good[:, None, None], p, self._rest[0][cups])
         frames = np.where(good[:, None, None, None], frames, self._rest[1][cups])
-        rows = np.zeros((len(p), 4, 3, 3))
-        rows[:, cups] = cup_rows(p, frames).reshape(len(p), -1, 3, 3)
-        rows = rows.reshape(len(p), 12, 3)
+        rows = np.zeros((len(p), 12, 3))
+        rows.reshape(-1, 4, 9)[:, cups] = cup_rows(p, frames).reshape(-1, len(cups), 9)
+        foreseen = None
         if start is not None:
-            q = self._follow(start, region, rows)
+            q, foreseen = self._follow(start, self.body(region), rows)
         elif region == Region.PATCH:
             q = patch_start(self.basis, p, frames, chosen)
         else:
             q = strip_start(self.basis, STRIPS[region], p, frames, chosen[:, 0])
-        body = self.body(region)
-        parts = [
-            newton(body, q[k : k + CHUNK], rows[k : k + CHUNK])
-            for k in range(0, len(q), CHUNK)
-        ]
-        q, status, iterations = map(np.concatenate, zip(*parts, strict=True))
-        status = np.where(good, status, CoupledStatus.BAD_INPUT)
-        energy, strain = body.energy(q, rows), body.largest_strain(q, rows)
-        arrays = q, rows, energy, strain, status, iterations
+        found = self.relax(region, q, rows, foreseen)
+        found.status[~good] = CoupledStatus.BAD_INPUT
+        arrays = (getattr(found, name) for name in ARRAYS)
         return CoupledPatches(
             region, *(a.reshape((*batch, *a.shape[1:])) for a in arrays)
         )
 
-    def _follow(self, start: CoupledPatches, region: Region, rows: Array) -> Array:
-        """Unknowns of a start, bent along with cups that have moved since."""
-        moved = rows - start.cups.reshape(rows.shape)
-        return start.coefficients.reshape(len(rows), -1, 3) + self._bent[region] @ moved
+    def relax(
+        self,
+        region: Region,
+        q: Array,
+        cups: Array,
+        foreseen: list[Array] | None = None,
+    ) -> CoupledPatches:
+        """Stable shapes from unknowns to start with, for one batch axis.
 
-    @cached_property
-    def _bent(self) -> dict[Region, Array]:
-        """Unknowns of least bending energy for cups, shape (size, 12), by region."""
-        return {region: body.least_bending for region, body in self._bodies.items()}
+        Args:
+            region: Region of the shapes.
+            q: Unknowns, shape (b, size, 3), in [m].
+            cups: Position, s and t direction of four cups, shape (b, 12, 3).
+            foreseen: Strains expected in core and strips; by default none.
 
-    def _distinct(self, found: CoupledPatches, count: int) -> CoupledPatches:
-        """The first different shapes of the last batch axis, by status and energy."""
-        order = np.lexsort((found.energy, found.status), axis=-1)
-        batch, starts = order.shape[:-1], order.shape[-1]
-        pick = tuple(np.indices(order.shape)[:-1]) + (order,)
-        found = found[pick]
-        lines = np.linspace(-self.grid.half_width, self.grid.pitch, 12)
-        across = lines if found.region == Region.PATCH else lines[:1]
-        points = self.points(found, lines[:, None], across)
-        points = points.reshape(*batch, starts, -1, 3)
-        keep = found.status == CoupledStatus.CONVERGED
-        keep[..., 0] = True
-        for k in range(1, starts):
-            away = points[..., :k, :, :] - points[..., k, None, :, :]
-            near = np.sqrt((away**2).sum(-1).mean(-1)) < DISTINCT
-            keep[..., k] &= ~(near & keep[..., :k]).any(-1)
-        chosen = np.argsort(~keep, axis=-1, kind="stable")[..., :count]
-        kept = np.take_along_axis(keep, chosen, axis=-1)
-        chosen = np.where(kept, chosen, 0)
-        out = found[tuple(np.indices(chosen.shape)[:-1]) + (chosen,)]
-        out.status[~kept] = CoupledStatus.ABSENT
-        return out
+        Returns:
+            The shapes, batch shape (b,).
+        """
+        body = self.body(region)
+        parts = [
+            newton(body, q[k], cups[k], foreseen and [e[k] for e in foreseen])
+            for k in np.split(np.arange(len(q)), range(CHUNK, len(q), CHUNK))
+        ]
+        q, status, iterations = map(np.concatenate, zip(*parts, strict=True))
+        energy, strain = body.energy(q, cups), body.largest_strain(q, cups)
+        return CoupledPatches(region, q, cups, energy, strain, status, iterations)
+
+    def _follow(
+        self, start: CoupledPatches, body: Body, cups: Array
+    ) -> tuple[Array, list[Array]]:
+        """Unknowns of a start, bent along with cups moved since, and its strains."""
+        before, old = start.cups.reshape(cups.shape), start.coefficients
+        q = old.reshape(len(cups), body.size, 3)
+        return q + body.least_bending @ (cups - before), body.strains(q, before)
 
 
 def _flat(
-    positions: ArrayLike,
-    rotations: ArrayLike,
-    sides: ArrayLike | None,
-    n_cups: int,
-    n_strips: int,
+    positions: ArrayLike, rotations: ArrayLike, sides: ArrayLike | None, n_strips: int
 ) -> tuple[Array, Array, Array, tuple[int, ...]]:
     """Inputs with one batch axis, and the batch shape that they stand for."""
     chosen = np.zeros(n_strips) if sides is None else sides
+    n_cups = 4 if n_strips == 4 else 2
     given = {
         "positions": (positions, (n_cups, 3)),
         "rotations": (rotations, (n_cups, 3, 3)),
@@ -345,7 +317,10 @@ def _flat(
             raise PlyError(name, f"shape {array.shape} does not end in {tail}")
         arrays.append(array)
         batches.append(array.shape[: -len(tail)])
-    batch = np.broadcast_shapes(*batches)
+    try:
+        batch = np.broadcast_shapes(*batches)
+    except ValueError:
+        raise PlyError("batch axes", f"{batches} do not fit together") from None
     p, frames, chosen = (
         np.broadcast_to(a, (*batch, *tail)).reshape(-1, *tail)
         for a, (_, tail) in zip(arrays, given.values(), strict=True)
@@ -353,9 +328,13 @@ def _flat(
     return p, frames, chosen, batch
 
 
-def _sound(positions: Array, rotations: Array) -> NDArray[np.bool_]:
-    """Which patches have finite positions and true rotations, shape (b,)."""
-    finite = np.isfinite(positions).all((1, 2)) & np.isfinite(rotations).all((1, 2, 3))
+def _sound(positions: Array, rotations: Array, pitch: float) -> NDArray[np.bool_]:
+    """Which patches have positions within reach and true rotations, shape (b,)."""
+    known = np.isfinite(positions).all((1, 2)) & np.isfinite(rotations).all((1, 2, 3))
+    finite = np.asarray(known)
+    p = np.where(finite[:, None, None], positions, 0)
+    near = abs(p - p[:, :1]).max((1, 2)) < FARTHEST * pitch
     frames = np.where(finite[:, None, None, None], rotations, 0)
     square = abs(frames.mT @ frames - np.eye(3)).max((1, 2, 3)) < ROTATION
-    return finite & square & (np.linalg.det(frames) > 0).all(-1)
+    upright = np.asarray(np.linalg.det(frames) > 0).all(-1)
+    return np.asarray(finite & near & square & upright)

@@ -241,12 +241,13 @@ class PatchBasis:
         moduli = np.array([stiffness.stretch, stiffness.stretch, stiffness.shear])
         roots = np.sqrt(moduli[:, None] * weights)
         s_all, t_all, w_all = self._grid(intervals, (self.s.order + 4, 6))
-        total = 0.0
+        size = len(functions) + 12
+        matrix = np.zeros((size, size))
         factors = (stiffness.bending, stiffness.bending, 4 * stiffness.torsion)
         for factor, (a, b) in zip(factors, ((2, 0), (0, 2), (1, 1)), strict=True):
             both = np.concatenate(self.rows(functions, s_all, t_all, a, b), axis=-1)
-            total = total + factor * (both.T * w_all) @ both
-        matrix, n = np.asarray(total), len(functions)
+            matrix += factor * (both.T * w_all) @ both
+        n = len(functions)
         values = self.rows(functions, s, t)[0]
         return Piece(
             *(ds, dt, ds_cups, dt_cups, values, roots),

@@ -1,7 +1,7 @@
 """Energy, forces and stiffness of one region of the coupled ply (D20).
 
 Bending is quadratic in the unknowns. Stretch and shear come from the Green strains of
-the mid-surface, (|r_s|^2 - 1) / 2, (|r_t|^2 - 1) / 2 and r_s . r_t, at the Gauss points.
+the mid-surface at the Gauss points: (|r_s|^2 - 1) / 2, (|r_t|^2 - 1) / 2, r_s . r_t.
 Batch axes first; a leading axis of the piece meets the last batch axes.
 """
 

@@ -27,7 +27,7 @@ from ply.fiber import Array, Statuses, dot
 
 Bools = NDArray[np.bool_]
 
-TOLERANCE = 1e-6  # [m] largest move of the last step; the error is its square
+TOLERANCE = 1e-5  # [m] largest move of the last step; the error is its square
 LONGEST_STEP = 0.01  # [m] largest move of one step: linearization of a 70 mm span
 MAX_ITERATIONS = 40  # [-] steps; 2 to 12 are usual
 FIRST_AID, MORE_AID = 0.3, 2.5  # [-] share of bending first added, and its growth
@@ -40,7 +40,7 @@ class CoupledStatus(IntEnum):
     CONVERGED = 0  # an equilibrium, and a stable one
     UNSTABLE = 1  # an equilibrium that any disturbance leaves: a saddle
     NOT_CONVERGED = 2  # no equilibrium in the steps allowed
-    BAD_INPUT = 3  # a cup pose is not finite or no rotation: the rest shape is given
+    BAD_INPUT = 3  # a pose is not finite, too far off or no rotation: rest shape given
     ABSENT = 4  # fewer shapes exist than were asked for
 
 
@@ -100,7 +100,7 @@ class Body:
         for own, cups, place in bent:
             matrix[np.ix_(place, place)] += own
             right[place] -= cups
-        return np.linalg.solve(matrix, right)
+        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
 
     def energy(self, q: Array, cups: Array) -> Array:
         """Elastic energy of unknowns (b, size, 3), shape (b,), in [J]."""
@@ -109,12 +109,17 @@ class Body:
             self.strips, strips, cups[:, None]
         ).sum(-1)
 
+    def strains(self, q: Array, cups: Array) -> list[Array]:
+        """Strains in the core, (b, 3, G), and in the strips, (b, strips, 3, G)."""
+        core, strips = self.split(q)
+        own = strains(*tangents(self.core, core, cups))
+        return [own, strains(*tangents(self.strips, strips, cups[:, None]))]
+
     def largest_strain(self, q: Array, cups: Array) -> Array:
         """Largest stretch of a fiber at a Gauss point, shape (b,)."""
-        core, strips = self.split(q)
-        worst = abs(strains(*tangents(self.core, core, cups))[:, :2]).max((1, 2))
-        others = abs(strains(*tangents(self.strips, strips, cups[:, None])))
-        return np.maximum(worst, others[:, :, :2].max((1, 2, 3), initial=0))
+        core, strips = self.strains(q, cups)
+        others = abs(strips[:, :, :2]).max((1, 2, 3), initial=0)
+        return np.maximum(abs(core[:, :2]).max((1, 2)), others)
 
 
 class Tangent(NamedTuple):
@@ -134,7 +139,9 @@ class Solution(NamedTuple):
     iterations: NDArray[np.int64]
 
 
-def newton(body: Body, start: Array, cups: Array) -> Solution:
+def newton(
+    body: Body, start: Array, cups: Array, foreseen: list[Array] | None = None
+) -> Solution:
     """Stable equilibria nearest to the starts, as Newton's method goes.
 
     The stresses in the tangent are those that the last linear step foresaw: they are
@@ -144,6 +151,7 @@ def newton(body: Body, start: Array, cups: Array) -> Solution:
         body: The body.
         start: Unknowns to start from, shape (b, size, 3), in [m].
         cups: Position, s and t direction of its cups, shape (b, 12, 3).
+        foreseen: Strains expected in core and strips; by default none.
 
     Returns:
         The unknowns, the CoupledStatus and the steps taken.
@@ -152,12 +160,15 @@ def newton(body: Body, start: Array, cups: Array) -> Solution:
     status = np.full(b, CoupledStatus.NOT_CONVERGED, dtype=np.int64)
     iterations = np.full(b, MAX_ITERATIONS)
     live = np.arange(b)
-    foreseen: list[Array] | None = None
     for iteration in range(1, MAX_ITERATIONS + 1):
-        step, moved, aided, foreseen = _step(body, q[live], cups[live], foreseen)
+        step, moved, aid, foreseen = _step(body, q[live], cups[live], foreseen)
         q[live] += step
-        done = moved < TOLERANCE
-        found = np.where(aided, CoupledStatus.UNSTABLE, CoupledStatus.CONVERGED)
+        done = (moved < TOLERANCE) | (aid > MOST_AID)
+        found = np.select(
+            [aid == 0, aid <= MOST_AID],
+            [CoupledStatus.CONVERGED, CoupledStatus.UNSTABLE],
+            CoupledStatus.NOT_CONVERGED,
+        )
         status[live[done]], iterations[live[done]] = found[done], iteration
         live, foreseen = live[~done], [e[~done] for e in foreseen]
         if not len(live):
@@ -188,8 +199,8 @@ def tangent(
 
 def _step(
     body: Body, q: Array, cups: Array, foreseen: list[Array] | None
-) -> tuple[Array, Array, Bools, list[Array]]:
-    """One step of each body: step, its largest move, aided, strains foreseen."""
+) -> tuple[Array, Array, Array, list[Array]]:
+    """One step of each body: step, its largest move, aid, strains foreseen."""
     pieces = ((body.core, cups), (body.strips, cups[:, None]))
     ends = [
         tangents(piece, part, c)
@@ -197,7 +208,7 @@ def _step(
     ]
     if foreseen is None:
         foreseen = [np.zeros((*rs.shape[:-2], 3, rs.shape[-2])) for rs, _ in ends]
-    step, aided = _aided_step(body, tangent(body, q, cups, foreseen))
+    step, aid = _aided_step(body, tangent(body, q, cups, foreseen))
     moves = [
         piece.values @ part
         for (piece, _), part in zip(pieces, body.split(step), strict=True)
@@ -216,46 +227,46 @@ def _step(
             pieces, ends, body.split(step), strict=True
         )
     ]
-    return step, moved, aided, foreseen
+    return step, moved, aid, foreseen
 
 
-def _aided_step(body: Body, now: Tangent) -> tuple[Array, Bools]:
-    """Newton steps (b, size, 3), with bending added where the tangent asks for it."""
+def _aided_step(body: Body, now: Tangent) -> tuple[Array, Array]:
+    """Newton steps (b, size, 3), and the share of bending that had to be added (b,).
+
+    Beyond MOST_AID the step is zero.
+    """
     b = len(now.core)
     step, aid = np.zeros((b, body.size, 3)), np.zeros(b)
     todo = np.arange(b)
-    while len(todo) and aid[todo[0]] < MOST_AID:
+    while len(todo) and aid[todo[0]] <= MOST_AID:
         some = Tangent(*(array[todo] for array in now)) if len(todo) < b else now
         found, good = _solve(body, some, aid[todo])
         step[todo[good]] = found
         todo = todo[~good]
         aid[todo] = np.maximum(FIRST_AID, MORE_AID * aid[todo])
-    return step, aid > 0
+    return step, aid
 
 
 def _solve(body: Body, now: Tangent, aid: Array) -> tuple[Array, Bools]:
     """Steps of the bodies whose aided tangent is positive definite, and which."""
-    core, strips = now.core, now.strips
+    core, strips = now.core.copy(), now.strips
     if aid.any():
-        core, strips = core.copy(), strips.copy()
+        strips = strips.copy()
         add_to_blocks(core, aid[:, None, None] * body.core.bending)
         add_to_blocks(strips, aid[:, None, None, None] * body.strips.bending)
-    core, outer = condense(body, core, strips, now)
-    good = outer.definite & definite(core.matrix)
-    load = core.load[good]
-    found = np.linalg.solve(core.matrix[good], load[..., None])[..., 0]
-    q_core = found.reshape(len(load), 3, core.matrix.shape[-1] // 3).mT
+    load, outer = _condense(core, strips, now)
+    good = outer.definite & definite(core)
+    matrix, load, solved = (
+        array if good.all() else array[good] for array in (core, load, outer.solved)
+    )
+    found = np.asarray(np.linalg.solve(matrix, load[..., None])[..., 0], float)
     count, functions = strips.shape[1], strips.shape[-1] // 3
-    half = functions // 2
-    inner = q_core[:, : count * half].reshape(len(load), count, half, 3).mT
-    inner = inner.reshape(len(load), count, 3 * half, 1)
-    q_outer = outer.solved[good][..., -1:] - outer.solved[good][..., :-1] @ inner
-    return body.join(q_core, q_outer.reshape(len(load), count, 3, half).mT), good
-
-
-class _Core(NamedTuple):
-    matrix: Array  # (b, 3 n, 3 n)
-    load: Array  # (b, 3 n)
+    half, some = functions // 2, len(load)
+    q_core = found.reshape(some, 3, core.shape[-1] // 3).mT
+    inner = q_core[:, : count * half].reshape(some, count, half, 3).mT
+    inner = inner.reshape(some, count, 3 * half, 1)
+    q_outer = (solved[..., -1:] - solved[..., :-1] @ inner)[..., 0]
+    return body.join(q_core, q_outer.reshape(some, count, 3, half).mT), good
 
 
 class _Outer(NamedTuple):
@@ -263,10 +274,8 @@ class _Outer(NamedTuple):
     definite: Bools  # (b,)
 
 
-def condense(
-    body: Body, core: Array, strips: Array, now: Tangent
-) -> tuple[_Core, _Outer]:
-    """Eliminate the outer edges of the strips."""
+def _condense(core: Array, strips: Array, now: Tangent) -> tuple[Array, _Outer]:
+    """Add the strips to the core, their outer edges eliminated; loads (b, 3 n)."""
     b, count, size = strips.shape[:3]
     n, k = core.shape[-1] // 3, size // 3
     half = k // 2
@@ -280,19 +289,18 @@ def condense(
     out, inn = slice(0, half), slice(half, k)
     outer, cross = part(out, out), part(out, inn)
     right = -force[..., out].reshape(b, count, 3 * half, 1)
-    solved = np.linalg.solve(outer, np.concatenate([cross, right], axis=-1))
+    solved: Array = np.linalg.solve(outer, np.concatenate([cross, right], axis=-1))
     less = cross.mT @ solved
     added = (part(inn, inn) - less[..., :-1]).reshape(b, count, 3, half, 3, half)
     loads = -force[..., inn] - less[..., -1].reshape(b, count, 3, half)
-    matrix = core.copy().reshape(b, 3, n, 3, n)
+    matrix = core.reshape(b, 3, n, 3, n)  # a view: the core is changed
     load = -now.core_force.mT
     for strip in range(count):
         own = slice(strip * half, (strip + 1) * half)
         matrix[:, :, own, :, own] += added[:, strip]
         load[:, :, own] += loads[:, strip]
-    sound = definite(outer.reshape(-1, *edge[2:])).reshape(b, count).all(-1)
-    matrix, load = matrix.reshape(core.shape), load.reshape(b, 3 * n)
-    return _Core(matrix, load), _Outer(solved, sound)
+    sound = definite(outer.reshape(b * count, *edge[2:])).reshape(b, count)
+    return load.reshape(b, 3 * n), _Outer(solved, np.asarray(sound.all(-1)))
 
 
 def definite(matrices: Array) -> Bools:
