@@ -2,7 +2,7 @@ r"""What the closed-form models leave out, estimated before it is modeled.
 
 Each estimate is a length: how far the ply may lie from the shape of independent fibers
 because of gravity, shear, or strips that disagree. A caller compares it with its
-tolerance and climbs to a dearer model only where it must. Derivations: D8.
+tolerance and climbs to a dearer model only where it must. Derivations: D7.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from ply.weave import ply_fibers
 EARTH = (0.0, 0.0, -9.81)  # [m/s^2]
 SHEAR_STIFFNESS = 300.0  # [N/m] in-plane, of woven prepreg: plausible, not measured
 CLAMPED_SPAN = 384.0  # [-] q L^4 / (384 D): middle of a strip clamped at both ends
-PATCH_SAG = 2.8  # [-] patch over strip: plate on square cups, d / L = 2 / 7, D8
+PATCH_SAG = 2.8  # [-] patch over strip: plate on square cups, d / L = 2 / 7, D7
 CLAMPED_SHEAR = 14.71  # [-] of pi^2 D / L^2: a clamped square buckles in shear
 MOST_AMPLIFIED = 0.9  # [-] of that load: past it, linear amplification says nothing
 CORNER = 4.0  # [-] droop of a corner over an edge: its cantilever is sqrt(2) longer
@@ -229,14 +229,14 @@ def estimates(found: Measures, grid: CupGrid) -> list[Estimate]:
             "gravity sag, strips",
             [found.s_sag, found.t_sag],
             "mm",
-            "q L^4 / (384 D), D8",
+            "q L^4 / (384 D), D7",
         ),
-        ("gravity sag, patches", [found.sag], "mm", "2.8 q L^4 / (384 D), D8"),
-        ("gravity droop, edge", [found.droop], "mm", "q l^4 / (8 D), D8"),
-        ("gravity droop, corner", [found.corner_droop], "mm", "q l^4 / (2 D), D8"),
+        ("gravity sag, patches", [found.sag], "mm", "2.8 q L^4 / (384 D), D7"),
+        ("gravity droop, edge", [found.droop], "mm", "q l^4 / (8 D), D7"),
+        ("gravity droop, corner", [found.corner_droop], "mm", "q l^4 / (2 D), D7"),
         ("shear", [degrees], "deg", "chords of a patch, and of strips to their cups"),
-        ("shear effect", [found.shear_effect], "mm", "h x / (1 - x), D8"),
-        ("coupling of strips", [found.coupling], "mm", "bow of the middle fiber, D8"),
+        ("shear effect", [found.shear_effect], "mm", "h x / (1 - x), D7"),
+        ("coupling of strips", [found.coupling], "mm", "bow of the middle fiber, D7"),
     ]
     return [
         Estimate(
