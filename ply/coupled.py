@@ -20,7 +20,9 @@ from ply.coupled_basis import (
     Stiffness,
     stack,
 )
-from ply.coupled_solve import Body, CoupledStatus, newton
+from ply.coupled_body import Body
+from ply.coupled_input import flat_poses, sound_poses
+from ply.coupled_solve import CoupledStatus, newton
 from ply.coupled_start import STRIP_CUPS, cup_rows, patch_start, strip_start
 from ply.errors import PlyError
 from ply.fiber import Array, Statuses
@@ -29,9 +31,7 @@ from ply.grid import CupGrid, Region
 __all__ = ["CoupledModel", "CoupledPatches", "CoupledStatus"]
 
 CUP_POINTS = 3  # [-] Gauss points across a cup; order + 1 along a span (D20)
-CHUNK = 16  # [-] patches solved together: their matrices stay in the cache
-ROTATION = 1e-6  # [-] departure from a rotation that is the rounding of a file
-FARTHEST = 10.0  # [-] distance of two cups over the pitch that is an error
+CHUNK = 8  # [-] patches solved together: their matrices stay in the cache
 ARRAYS = ("coefficients", "cups", "energy", "strain", "status", "iterations")
 STRIPS = {Region.S_STRIP: 0, Region.T_STRIP: 2}  # strip of the patch that stands alone
 
@@ -243,8 +243,8 @@ class CoupledModel:
     ) -> CoupledPatches:
         cups = np.arange(4) if region == Region.PATCH else STRIP_CUPS[STRIPS[region]]
         n_strips = 4 if region == Region.PATCH else 1
-        p, frames, chosen, batch = _flat(positions, rotations, sides, n_strips)
-        good = _sound(p, frames, self.grid.pitch)
+        p, frames, chosen, batch = flat_poses(positions, rotations, sides, n_strips)
+        good = sound_poses(p, frames, self.grid.pitch)
         p = np.where(good[:, None, None], p, self._rest[0][cups])
         frames = np.where(good[:, None, None, None], frames, self._rest[1][cups])
         rows = np.zeros((len(p), 12, 3))
@@ -297,44 +297,3 @@ class CoupledModel:
         before, old = start.cups.reshape(cups.shape), start.coefficients
         q = old.reshape(len(cups), body.size, 3)
         return q + body.least_bending @ (cups - before), body.strains(q, before)
-
-
-def _flat(
-    positions: ArrayLike, rotations: ArrayLike, sides: ArrayLike | None, n_strips: int
-) -> tuple[Array, Array, Array, tuple[int, ...]]:
-    """Inputs with one batch axis, and the batch shape that they stand for."""
-    chosen = np.zeros(n_strips) if sides is None else sides
-    n_cups = 4 if n_strips == 4 else 2
-    given = {
-        "positions": (positions, (n_cups, 3)),
-        "rotations": (rotations, (n_cups, 3, 3)),
-        "sides": (chosen, (n_strips,)),
-    }
-    arrays, batches = [], []
-    for name, (value, tail) in given.items():
-        array = np.asarray(value, dtype=float)
-        if array.shape[-len(tail) :] != tail:
-            raise PlyError(name, f"shape {array.shape} does not end in {tail}")
-        arrays.append(array)
-        batches.append(array.shape[: -len(tail)])
-    try:
-        batch = np.broadcast_shapes(*batches)
-    except ValueError:
-        raise PlyError("batch axes", f"{batches} do not fit together") from None
-    p, frames, chosen = (
-        np.broadcast_to(a, (*batch, *tail)).reshape(-1, *tail)
-        for a, (_, tail) in zip(arrays, given.values(), strict=True)
-    )
-    return p, frames, chosen, batch
-
-
-def _sound(positions: Array, rotations: Array, pitch: float) -> NDArray[np.bool_]:
-    """Which patches have positions within reach and true rotations, shape (b,)."""
-    known = np.isfinite(positions).all((1, 2)) & np.isfinite(rotations).all((1, 2, 3))
-    finite = np.asarray(known)
-    p = np.where(finite[:, None, None], positions, 0)
-    near = abs(p - p[:, :1]).max((1, 2)) < FARTHEST * pitch
-    frames = np.where(finite[:, None, None, None], rotations, 0)
-    square = abs(frames.mT @ frames - np.eye(3)).max((1, 2, 3)) < ROTATION
-    upright = np.asarray(np.linalg.det(frames) > 0).all(-1)
-    return np.asarray(finite & near & square & upright)

@@ -31,19 +31,11 @@ def strains(rs: Array, rt: Array) -> Array:
     return np.stack([stretch_s, stretch_t, dot(rs, rt)], axis=-2)
 
 
-def strain_changes(
-    piece: Piece, rs: Array, rt: Array, dq: Array
-) -> tuple[Array, Array]:
-    """Changes of the strains with the unknowns, to first order; both (..., 3, G).
-
-    Returns:
-        The part linear in dq, and the part quadratic in it: together exact.
-    """
+def strain_changes(piece: Piece, rs: Array, rt: Array, dq: Array) -> Array:
+    """Changes of the strains with the unknowns, to first order; (..., 3, G)."""
     ds, dt = piece.ds @ dq, piece.dt @ dq
     shear = dot(rs, dt) + dot(rt, ds)
-    linear = np.stack([dot(rs, ds), dot(rt, dt), shear], axis=-2)
-    quadratic = np.stack([dot(ds, ds) / 2, dot(dt, dt) / 2, dot(ds, dt)], axis=-2)
-    return linear, quadratic
+    return np.stack([dot(rs, ds), dot(rt, dt), shear], axis=-2)
 
 
 def energy(piece: Piece, q: Array, cups: Array) -> Array:

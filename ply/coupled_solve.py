@@ -5,24 +5,14 @@ but the strip, so it is eliminated before the core is solved. Cholesky tells whe
 tangent is positive definite; where it is not, bending is added until it is.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ply.coupled_basis import Piece
-from ply.coupled_energy import (
-    add_to_blocks,
-    energy,
-    forces,
-    stiffness,
-    strain_changes,
-    strains,
-    tangents,
-)
+from ply.coupled_body import Body, Tangent, tangent
+from ply.coupled_energy import add_to_blocks, strain_changes, strains, tangents
 from ply.fiber import Array, Statuses, dot
 
 Bools = NDArray[np.bool_]
@@ -42,93 +32,6 @@ class CoupledStatus(IntEnum):
     NOT_CONVERGED = 2  # no equilibrium in the steps allowed
     BAD_INPUT = 3  # a pose is not finite, too far off or no rotation: rest shape given
     ABSENT = 4  # fewer shapes exist than were asked for
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A core and its strips; coefficients are ordered as the strips, then the rest.
-
-    Attributes:
-        core: Matrices of the core; its functions are the inner edges of the strips in
-            turn, then its own.
-        strips: Matrices of the strips, stacked on the first axis, maybe none; the first
-            half of their functions belongs to the outer edge.
-    """
-
-    core: Piece
-    strips: Piece
-
-    @property
-    def size(self) -> int:
-        """Number of unknown functions."""
-        count, functions = self._strip_shape
-        return self.core.ds.shape[-1] + count * functions // 2
-
-    @property
-    def _strip_shape(self) -> tuple[int, int]:
-        return self.strips.ds.shape[0], self.strips.ds.shape[-1]
-
-    def split(self, q: Array) -> tuple[Array, Array]:
-        """Unknowns (b, size, 3) as those of the core and of the strips."""
-        count, functions = self._strip_shape
-        strips = q[:, : count * functions].reshape(len(q), count, functions, 3)
-        inner = strips[:, :, functions // 2 :].reshape(
-            len(q), count * functions // 2, 3
-        )
-        return np.concatenate([inner, q[:, count * functions :]], axis=1), strips
-
-    def join(self, core: Array, outer: Array) -> Array:
-        """Core (b, n, 3) and outer edges (b, strips, functions, 3) as unknowns."""
-        count, functions = self._strip_shape
-        first = count * functions // 2
-        inner = core[:, :first].reshape(outer.shape)
-        strips = np.concatenate([outer, inner], axis=2)
-        flat = strips.reshape(len(core), 2 * first, 3)
-        return np.concatenate([flat, core[:, first:]], axis=1)
-
-    @cached_property
-    def least_bending(self) -> Array:
-        """Unknowns of least bending energy for given cups, shape (size, 12)."""
-        count, functions = self._strip_shape
-        ends = np.arange(count * functions).reshape(count, functions)
-        rest = np.arange(count * functions, self.size)
-        own_place = np.append(ends[:, functions // 2 :], rest)
-        core, strips = self.core, self.strips
-        bent = [(core.bending, core.bending_cups, own_place)]
-        bent += list(zip(strips.bending, strips.bending_cups, ends, strict=True))
-        matrix, right = np.zeros((self.size, self.size)), np.zeros((self.size, 12))
-        for own, cups, place in bent:
-            matrix[np.ix_(place, place)] += own
-            right[place] -= cups
-        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
-
-    def energy(self, q: Array, cups: Array) -> Array:
-        """Elastic energy of unknowns (b, size, 3), shape (b,), in [J]."""
-        core, strips = self.split(q)
-        return energy(self.core, core, cups) + energy(
-            self.strips, strips, cups[:, None]
-        ).sum(-1)
-
-    def strains(self, q: Array, cups: Array) -> list[Array]:
-        """Strains in the core, (b, 3, G), and in the strips, (b, strips, 3, G)."""
-        core, strips = self.split(q)
-        own = strains(*tangents(self.core, core, cups))
-        return [own, strains(*tangents(self.strips, strips, cups[:, None]))]
-
-    def largest_strain(self, q: Array, cups: Array) -> Array:
-        """Largest stretch of a fiber at a Gauss point, shape (b,)."""
-        core, strips = self.strains(q, cups)
-        others = abs(strips[:, :, :2]).max((1, 2, 3), initial=0)
-        return np.maximum(abs(core[:, :2]).max((1, 2)), others)
-
-
-class Tangent(NamedTuple):
-    """Forces and stiffness of bodies, strips with a core; arrays of length b."""
-
-    core: Array  # (b, 3 n, 3 n)
-    strips: Array  # (b, strips, 3 k, 3 k)
-    core_force: Array  # (b, n, 3)
-    strip_force: Array  # (b, strips, k, 3)
 
 
 class Solution(NamedTuple):
@@ -176,27 +79,6 @@ def newton(
     return Solution(q, status, iterations)
 
 
-def tangent(
-    body: Body, q: Array, cups: Array, foreseen: list[Array] | None = None
-) -> Tangent:
-    """Forces and stiffness of bodies, with stresses of the strains given or their own.
-
-    Args:
-        body: The body.
-        q: Unknowns, shape (b, size, 3), in [m].
-        cups: Position, s and t direction of the cups, shape (b, 12, 3).
-        foreseen: Strains of core and strips for the stresses in the stiffness.
-    """
-    parts = []
-    pieces = ((body.core, cups), (body.strips, cups[:, None]))
-    for k, ((piece, c), part) in enumerate(zip(pieces, body.split(q), strict=True)):
-        rs, rt = tangents(piece, part, c)
-        strain = strains(rs, rt) if foreseen is None else foreseen[k]
-        parts.append((stiffness(piece, rs, rt, strain), forces(piece, part, c, rs, rt)))
-    (core, core_force), (strips, strip_force) = parts
-    return Tangent(core, strips, core_force, strip_force)
-
-
 def _step(
     body: Body, q: Array, cups: Array, foreseen: list[Array] | None
 ) -> tuple[Array, Array, Array, list[Array]]:
@@ -222,7 +104,7 @@ def _step(
     share = np.minimum(1, LONGEST_STEP / np.maximum(moved, LONGEST_STEP))
     step = share[:, None, None] * step
     foreseen = [
-        strains(rs, rt) + strain_changes(piece, rs, rt, part)[0]
+        strains(rs, rt) + strain_changes(piece, rs, rt, part)
         for (piece, _), (rs, rt), part in zip(
             pieces, ends, body.split(step), strict=True
         )
