@@ -17,12 +17,9 @@ With one mode it is Eq. 22. A fiber whose cups are parallel buckles: :math:`\mu 
 -\lambda_1`, and the caller says to which side.
 """
 
-from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from ply.fiber import (
@@ -32,32 +29,13 @@ from ply.fiber import (
     Array,
     FiberStatus,
     Statuses,
-    cubic_fibers,
     dot,
     length_error,
 )
+from ply.modes import Modes, bending_modes
 from ply.secular import Secular, least_energy, other_side
 
 OPEN = WEAK / 8  # [-] lean of the first mode that is noise: 0.05 deg between the cups
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Polynomials with double zeros at both ends, orthogonal in slope and bending.
-
-    The mean squared slope of each is one.
-
-    Attributes:
-        loads: Buckling loads: mean squared second derivatives, ascending, shape (m,).
-        areas: Integrals over u, shape (m,); 0 for odd polynomials.
-        tilts: Integrals of the polynomials times 2 u - 1, shape (m,); 0 for even ones.
-        powers: Coefficients of u^0 ... u^(m + 3), shape (m, m + 4).
-    """
-
-    loads: Array
-    areas: Array
-    tilts: Array
-    powers: Array
 
 
 class ModalFibers(NamedTuple):
@@ -76,31 +54,6 @@ class ModalFibers(NamedTuple):
     status: Statuses
     side: Array
     force: Array
-
-
-@cache
-def bending_modes(count: int) -> Modes:
-    """The modes of a clamped fiber, from one small eigenproblem."""
-    shape = Polynomial([0, 0, 1, -2, 1])  # u^2 (1 - u)^2
-    basis = [shape * Polynomial([-1, 2]) ** j for j in range(count)]
-
-    def products(order: int) -> Array:
-        rates = [one.deriv(order) for one in basis]
-        return np.array([[(a * b).integ()(1.0) for b in rates] for a in rates])
-
-    root = np.linalg.inv(np.linalg.cholesky(products(1)))
-    loads, vectors = np.linalg.eigh(root @ products(2) @ root.T)
-    shares = vectors.T @ root
-    shares[abs(shares) < 1e-9 * abs(shares).max()] = 0  # parity, exactly
-    shares *= np.sign(shares.sum(axis=1))[:, None]  # > 0 just before the second end
-    modes = [sum(a * one for a, one in zip(row, basis, strict=True)) for row in shares]
-    odd = np.arange(count) % 2 == 1
-    areas = np.array([one.integ()(1.0) for one in modes])
-    tilts = np.array([(one * Polynomial([-1, 2])).integ()(1.0) for one in modes])
-    powers = np.zeros((count, count + 4))
-    for row, one in zip(powers, modes, strict=True):
-        row[2 : len(one.coef)] = one.coef[2:]
-    return Modes(loads, np.where(odd, 0, areas), np.where(odd, tilts, 0), powers)
 
 
 def modal_fibers(
@@ -142,32 +95,25 @@ def modal_fibers(
     chord = r1 - r0
     L = np.broadcast_to(np.asarray(length, dtype=float), chord.shape[:-1])
     basis = bending_modes(modes)
-    up, sideways = _frame(dr0, dr1, normal)
-    g = _shares(basis, chord / L[..., None], dr0, dr1)
     gamma = length_error(chord, dr0, dr1, L)
-    free = g - dot(g, sideways)[..., None] * sideways if ribbon else g
-    push = np.zeros(L.shape)
+    cubic = _Cubic.of(chord / L[..., None], dr0, dr1, normal, ribbon)
+    push = np.zeros((1,) * L.ndim)
     if load is not None:
-        push = dot(np.asarray(load, dtype=float), up) * L**3
-        free = free + (_each(basis.areas / basis.loads, g) * push)[..., None] * up
-    along = up if ribbon else _direction(free[0], up)
-    lean = dot(free[0], along)
-    equation = Secular(
-        first=(basis.loads[0] * lean) ** 2,
-        rest=_each(basis.loads[1:], g) ** 2 * dot(free[1:], free[1:]),
-        gaps=_each(basis.loads[1:] - basis.loads[0], g),
-        room=dot(g, g).sum(axis=0) - gamma - softness * basis.loads[0],
-        slope=softness,
-    )
-    way = np.where(dot(along, up) < 0, -1, 1)  # 1: along points up
+        push = dot(np.asarray(load, dtype=float), cubic.up) * L**3
+    along, lean, equation = _equation(basis, cubic, gamma, push, softness, ribbon)
+    way = np.where(dot(along, cubic.up) < 0, -1, 1)  # 1: along points up
     x, share, bulge = _choose(equation, lean, way * np.asarray(side), ribbon)
-    bent = free[1:] * (_each(basis.loads[1:], g) / (equation.gaps + x))[..., None]
-    y = np.concatenate([((bulge * np.sqrt(share))[..., None] * along)[None], bent])
     straight = (abs(gamma) <= STRAIGHT) & (push == 0)
-    b = np.where(straight[..., None], 0.0, y - g) * L[..., None]
-    a = np.zeros((*L.shape, modes + 4, 3))
-    a[..., :4, :] = cubic_fibers(r0, r1, dr0, dr1, L)[..., :4, :]
-    a[..., 2:, :] += np.einsum("kc,k...d->...cd", basis.powers[:, 2:], b)
+    scale = np.where(straight, 0.0, L)[..., None]
+    parts = np.empty((*L.shape, 3, modes + 4))
+    parts[..., 0], parts[..., 1] = r0, chord
+    parts[..., 2], parts[..., 3] = L[..., None] * dr0, L[..., None] * dr1
+    first = (bulge * np.sqrt(share))[..., None] * along - basis.areas[0] * cubic.turn
+    parts[..., 4] = scale * first
+    for k in range(1, modes):
+        falls = basis.loads[k] / (x + (basis.loads[k] - basis.loads[0]))
+        parts[..., 4 + k] = scale * cubic.change(basis, k, falls, push)
+    a = np.matmul(parts.reshape(-1, modes + 4), basis.powers).reshape(parts.shape)
     force = np.where(straight, 0.0, x - basis.loads[0])
     status = np.select(
         [
@@ -178,18 +124,72 @@ def modal_fibers(
         [FiberStatus.OVERSTRETCHED, FiberStatus.TAUT, FiberStatus.WEAK_DIRECTION],
         FiberStatus.MET,
     )
-    return ModalFibers(a, status, np.where(straight, 0, way * bulge), force)
+    bulge = np.where(straight, 0, way * bulge)
+    return ModalFibers(np.swapaxes(a, -1, -2), status, bulge, force)
 
 
-def _each(values: Array, like: Array) -> Array:
-    """Values of each mode, shape (k,), against the batch axes of g."""
-    return values.reshape(-1, *[1] * (like.ndim - 2))
+class _Cubic(NamedTuple):
+    """What the shares g_k of the modes in the cubic are made of, in fiber lengths.
+
+    g_k = areas_k turn - 3 tilts_k skew. "kept" is what a strip's width lets bend.
+    """
+
+    up: Array  # direction of the bulge, a unit vector
+    turn: Array  # r'_0 - r'_1: bends the fiber one way
+    skew: Array  # A3 / L of D1: bends it like an S
+    turn_kept: Array
+    skew_kept: Array
+
+    @classmethod
+    def of(
+        cls, chord: Array, dr0: Array, dr1: Array, normal: Array, ribbon: bool
+    ) -> "_Cubic":
+        total, turn = dr0 + dr1, dr0 - dr1
+        skew = total - 2 * chord
+        sideways = _unit(np.cross(normal, total))
+        up = _unit(np.cross(total, sideways))
+        if not ribbon:
+            return cls(up, turn, skew, turn, skew)
+        turn_kept = turn - dot(turn, sideways)[..., None] * sideways
+        skew_kept = skew - dot(skew, sideways)[..., None] * sideways
+        return cls(up, turn, skew, turn_kept, skew_kept)
+
+    def change(self, basis: Modes, k: int, falls: Array, push: Array) -> Array:
+        """Amplitude b_k of a mode whose share falls by a factor, shape (..., 3)."""
+        if basis.tilts[k]:
+            return -3 * basis.tilts[k] * (falls[..., None] * self.skew_kept - self.skew)
+        change = basis.areas[k] * (falls[..., None] * self.turn_kept - self.turn)
+        lift = falls * push * (basis.areas[k] / basis.loads[k])
+        return change + lift[..., None] * self.up
 
 
-def _frame(dr0: Array, dr1: Array, normal: Array) -> tuple[Array, Array]:
-    """Direction of the bulge and direction across the strip, unit vectors or zero."""
-    sideways = _unit(np.cross(normal, dr0 + dr1))
-    return _unit(np.cross(dr0 + dr1, sideways)), sideways
+def _equation(
+    basis: Modes,
+    cubic: _Cubic,
+    gamma: Array,
+    push: Array,
+    softness: float,
+    ribbon: bool,
+) -> tuple[Array, Array, Secular]:
+    """Direction of the first mode, its share there, and the equation of its force."""
+    lift = push[..., None] * cubic.up
+    turn = basis.areas[0] * cubic.turn_kept + basis.areas[0] / basis.loads[0] * lift
+    along = cubic.up if ribbon else _direction(turn, cubic.up)
+    lean = dot(turn, along) + np.zeros(gamma.shape)
+    turned, skewed = dot(cubic.turn, cubic.turn), dot(cubic.skew, cubic.skew)
+    room = (basis.areas**2).sum() * turned + 9 * (basis.tilts**2).sum() * skewed - gamma
+    rest = np.empty((len(basis.loads) - 1, *gamma.shape))
+    skewed = dot(cubic.skew_kept, cubic.skew_kept)
+    for k, row in enumerate(rest, start=1):
+        if basis.tilts[k]:
+            row[...] = (3 * basis.loads[k] * basis.tilts[k]) ** 2 * skewed
+        else:
+            turn = basis.loads[k] * cubic.turn_kept + lift
+            row[...] = basis.areas[k] ** 2 * dot(turn, turn)
+    gaps = basis.loads[1:] - basis.loads[0]
+    first, room = (basis.loads[0] * lean) ** 2, room - softness * basis.loads[0]
+    flat = gaps.reshape(-1, *[1] * gamma.ndim)
+    return along, lean, Secular(first, rest, flat, room, softness)
 
 
 def _unit(vectors: Array) -> Array:
@@ -201,14 +201,6 @@ def _direction(vectors: Array, otherwise: Array) -> Array:
     """Unit vectors, or others where a vector is rounding."""
     vanishes = dot(vectors, vectors) < PARALLEL**2
     return np.where(vanishes[..., None], otherwise, _unit(vectors))
-
-
-def _shares(basis: Modes, chord: Array, dr0: Array, dr1: Array) -> Array:
-    """Shares g_k of the modes in the cubic, shape (m, ..., 3), in lengths (D7)."""
-    a3 = dr0 + dr1 - 2 * chord
-    axes = [1] * chord.ndim
-    areas, tilts = basis.areas.reshape(-1, *axes), basis.tilts.reshape(-1, *axes)
-    return areas * (dr0 - dr1) - 3 * tilts * a3
 
 
 def _choose(

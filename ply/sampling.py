@@ -25,6 +25,8 @@ from ply.fiber import Array, powers
 from ply.grid import EDGE, AxisPlace, CupGrid
 from ply.weave import PlyFibers
 
+IN_CACHE = 8  # [-] poses at a time: their arrays stay in the cache
+
 
 @dataclass(frozen=True, eq=False)
 class PlySampling:
@@ -122,31 +124,40 @@ class PlySampling:
         Returns:
             Points, shape (..., n_t, n_s, 3), in [m].
         """
-        rows, columns = self.grid.rows, self.grid.columns
         batch = np.shape(positions)[:-2]
-        count, terms = fibers.s.shape[-3:-1]
+        poses = math.prod(batch)
+        arrays = [
+            np.reshape(array, (poses, *np.shape(array)[len(batch) :]))
+            for array in (fibers.s, fibers.t, positions, rotations)
+        ]
+        out = np.empty((poses, len(self.t), len(self.s), 3))
+        for start in range(0, poses, IN_CACHE):
+            part = slice(start, start + IN_CACHE)
+            self._fill(out[part], *(array[part] for array in arrays))
+        return out.reshape(*batch, *out.shape[1:])
+
+    def _fill(
+        self, out: Array, s: Array, t: Array, positions: Array, rotations: Array
+    ) -> None:
+        """Points of a few poses, from the coefficients of their fibers."""
+        rows, columns = self.grid.rows, self.grid.columns
+        poses, (count, terms) = len(out), s.shape[-3:-1]
         matrices = self._matrices_of(count, terms)
         edges = self._cup_edges(positions, rotations, count)
-        along_s = np.moveaxis(
-            fibers.s, (-1, -4), (-5, -2)
-        )  # (3, rows, count, spans, K)
-        s_shape = (*batch, 3 * rows * count, terms * (columns - 1))
+        along_s = np.moveaxis(s, (-1, -4), (-5, -2))  # (3, rows, count, spans, terms)
+        s_shape = (poses, 3 * rows * count, terms * (columns - 1))
         s_terms = np.concatenate([along_s.reshape(s_shape), edges], axis=-1)
-        along_t = np.moveaxis(fibers.t, (-1, -5), (-5, -2))  # (3, columns, count, ...)
-        t_terms = along_t.reshape(*batch, 3 * columns * count, terms * (rows - 1))
-        s_tail, t_tail = (
-            (3, count * rows, len(self.s)),
-            (3, count * columns, len(self.t)),
-        )
+        along_t = np.moveaxis(t, (-1, -5), (-5, -2))  # (3, columns, count, ...)
+        t_terms = along_t.reshape(poses, 3 * columns * count, terms * (rows - 1))
+        s_tail = (3, count * rows, len(self.s))
+        t_tail = (3, count * columns, len(self.t))
         s_curves = _product(s_terms, matrices.s_curves.T, s_tail)
         t_curves = _product(t_terms, matrices.t_curves.T, t_tail)
-        gamma_s = matrices.t_weights @ s_curves  # (..., 3, n_t, n_s)
+        gamma_s = matrices.t_weights @ s_curves  # (poses, 3, n_t, n_s)
         gamma_t = np.swapaxes(t_curves, -1, -2) @ matrices.s_weights.T
         gamma_s -= gamma_t
         gamma_s *= self._blend
-        out = np.empty((*batch, len(self.t), len(self.s), 3))
         np.add(gamma_s, gamma_t, out=np.moveaxis(out, -1, -3))
-        return out
 
     def _matrices_of(self, count: int, terms: int) -> "_Matrices":
         """The matrices for strips of so many fibers with so many terms, made once."""

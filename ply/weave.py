@@ -70,7 +70,7 @@ class PlyFibers:
         s_excess: The number behind each status along s. MET and the like: the length
             that the cups ask for beyond that of the fiber, in [m]; OVERSTRETCHED: that
             of the chord, in [m]; COINCIDENT: the chord, in [m]; INVERTED: the least
-            cosine between normals, or tangent and chord; SKEWED: largest error of R'R.
+            cosine between normals, or tangents and chord; SKEWED: largest error of R'R.
         t_excess: The numbers along t.
     """
 
@@ -147,15 +147,16 @@ def ply_fibers(
     batch = np.shape(positions)[:-2]
     p = np.reshape(positions, (*batch, grid.rows, grid.columns, 3))
     frames = np.reshape(rotations, (*batch, grid.rows, grid.columns, 3, 3))
+    errors = _rotation_errors(frames)
     count = across or (3 if model == "modal" else 2)
     offsets = np.linspace(-grid.half_width, grid.half_width, count)[:, None]
     families = []
     for axis, length in enumerate((grid.s_length, grid.t_length)):
         ends = _ends(p, frames, axis, grid.half_width, offsets)
-        side = np.asarray(0 if sides is None else sides[axis])[..., None]
+        side: NDArray = np.asarray(0 if sides is None else sides[axis])[..., None]
         settings = _Modal(modes, side, load, slope) if model == "modal" else None
         family = _family(ends, length, model, take_up, settings)
-        families.append(_with_faults(family, ends, frames, axis, length))
+        families.append(_with_faults(family, ends, errors, axis, length))
     return PlyFibers(*(array for pair in zip(*families, strict=True) for array in pair))
 
 
@@ -216,7 +217,7 @@ def _family(
     r0, r1, dr0, dr1, n0, n1 = ends
     natural = natural_length(r0, r1, dr0, dr1)
     used, band = band_length(natural, L, take_up or 0.0)
-    side = np.zeros(natural.shape, dtype=np.int64)
+    side: Statuses = np.zeros(natural.shape, dtype=np.int64)
     if modal is not None:
         a, status, side, _ = modal_fibers(
             *(r0, r1, dr0, dr1, used, n0 + n1),
@@ -236,25 +237,17 @@ def _family(
 
 
 def _with_faults(
-    family: _Family, ends: _Ends, frames: Array, axis: int, L: float
+    family: _Family, ends: _Ends, errors: Array, axis: int, L: float
 ) -> _Family:
     """The family with the faults of its cups in place of its own verdicts."""
     chord = ends.r1 - ends.r0
     size = np.sqrt(dot(chord, chord))
-    turned = np.minimum(
-        dot(ends.n0, ends.n1),
-        np.minimum(
-            *(
-                dot(chord, dr) / np.where(size > 0, size, 1)
-                for dr in (ends.dr0, ends.dr1)
-            )
-        ),
-    )
-    errors = abs(np.swapaxes(frames, -1, -2) @ frames - np.eye(3)).max(axis=(-1, -2))
+    ahead = dot(chord, ends.dr0 + ends.dr1) / 2 / np.where(size > 0, size, 1)
+    turned = np.minimum(dot(ends.n0, ends.n1), ahead)
     skew = np.maximum(*_neighbors(errors[..., None, None], axis))[..., 0]
     faults = [skew > ORTHONORMAL, size < MEET * L, turned <= 0]
     faults += [family.status == FiberStatus.OVERSTRETCHED]
-    if not np.logical_or.reduce([fault.any() for fault in faults]):
+    if not any(fault.any() for fault in faults):
         return family
     faults[0] = np.broadcast_to(faults[0], size.shape)
     kinds = [FiberStatus.SKEWED, FiberStatus.COINCIDENT, FiberStatus.INVERTED]
@@ -263,6 +256,14 @@ def _with_faults(
     return family._replace(
         status=status, excess=np.select(faults, numbers, family.excess)
     )
+
+
+def _rotation_errors(frames: Array) -> Array:
+    """Largest error of R'R, shape (..., 3, 3) to (...)."""
+    columns = np.moveaxis(frames, -1, 0)
+    pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    errors = [abs(dot(columns[i], columns[j]) - (i == j)) for i, j in pairs]
+    return np.maximum.reduce(errors)
 
 
 def _loads(
