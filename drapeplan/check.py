@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drapeplan.errors import DrapeplanError
-from drapeplan.motion import schedule
+from drapeplan.frames import rotation_vectors
+from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
 from drapeplan.path import CupState
 from drapeplan.plan import Plan, document_hash, source_hashes
-from drapeplan.planner import net_facts, refill
-from drapeplan.sequence import Sequence
-from drapeplan.track import Track
+from drapeplan.planner import make_request, net_facts, refill
 from drapeplan.words import failures
 
 Array = NDArray[np.float64]
 UNUSABLE = (DrapeplanError, ValueError, LookupError, TypeError, ArithmeticError)
+TAU = 1e-6  # [-] a path made anew on another machine may differ this much
+REMADE = 1e-6  # [m], [mm], [deg] the same for what is made anew with a solver
 SAME = 1e-9  # [-] relative difference of recomputed numbers that counts as none
 
 
@@ -96,38 +97,44 @@ def _differences(plan: Plan) -> Iterator[str]:
     yield from _compare(
         "tool.leg_joint_names", document["tool"]["leg_joint_names"], names
     )
-    yield from _states(track, sequence)
     time = schedule(plan.cell, track.phase, track.step, track.tau, track.q)
     yield from _compare("waypoints.time_s", track.time, time)
     yield from _compare("scene", document["scene"], plan.scene.model_dump(mode="json"))
     surface = refill(plan.cell)
     if surface is not None:
         yield from _compare("mold", document["mold"], surface)
-    facts = net_facts(plan.cell, plan.targets[0])
-    yield from _compare("net", document["net"], facts)
+    yield from _compare_request(plan)
 
 
-def _states(track: Track, sequence: Sequence) -> Iterator[str]:
-    """Cup states must follow from phases and steps."""
-    for k, phase in enumerate(track.phase):
-        state, step = track.states[k], int(track.step[k])
-        if phase == "wave":
-            done = step + 1 if track.tau[k] == 1 else step
-            placed = sequence.placed_after(done)
-            landing = sequence.placed_after(step + 1) & ~placed
-            wanted = np.where(landing, CupState.LANDING, CupState.HOLDING)
-            wanted = np.where(placed, CupState.PLACED, wanted)
-        elif phase in ("release", "retreat"):
-            wanted = np.full(len(state), CupState.RELEASED)
-        elif phase == "approach":
-            wanted = np.zeros(len(state), np.uint8)
-            start = sequence.index(sequence.start_cup)
-            wanted[start] = state[start] if state[start] < CupState.RELEASED else 0
-        else:
-            wanted = np.full(len(state), CupState.HOLDING)
-        if not np.array_equal(state, wanted):
-            yield f"waypoints.{k}.cups: is not what phase {phase}, step {step} asks for"
-            return
+def _compare_request(plan: Plan) -> Iterator[str]:
+    """The waypoints must be those that the scene asks for, none missing."""
+    asked, track = make_request(plan.cell, plan.sequence), plan.track
+    path = asked.path
+    same = path.phase == track.phase and np.array_equal(path.step, track.step)
+    if not same or np.abs(path.tau - track.tau).max() > TAU:
+        yield "waypoints: phases, steps or tau are not those that the scene asks for"
+        return
+    if not np.array_equal(path.states, track.states):
+        yield "waypoints.cups: are not what phases and steps ask for"
+    facts = net_facts(plan.cell, plan.targets[0], asked.targets)
+    for key, value in facts.items():
+        if not abs(plan.document["net"].get(key, np.nan) - value) <= REMADE:
+            yield f"net.{key}: is not what the scene gives, {value:.9g}"
+    landed = path.states >= CupState.LANDING
+    miss = np.linalg.norm(track.poses[0] - path.positions, axis=-1)
+    excess = miss - np.where(landed, LANDED, WAITED)
+    turn = np.linalg.norm(rotation_vectors(track.poses[1], path.rotations), axis=-1)
+    if not (excess <= 0).all():
+        k, cup = np.unravel_index(excess.argmax(), excess.shape)
+        size = f"{1e3 * miss[k, cup]:.3g} mm"
+        yield f"waypoints.{k}.position_m.{cup}: {size} from what the scene asks for"
+    if not (turn[landed] <= ALIGNED).all():
+        yield "waypoints.rotation: a landed cup is not turned as the scene asks for"
+    if not np.abs(track.tool - path.tool).max() <= REMADE:
+        yield "waypoints.arm_rad: the tool does not stand where the scene asks for"
+    for stored, made in zip(plan.targets, asked.landing, strict=True):
+        if stored.shape != made.shape or not np.abs(stored - made).max() <= REMADE:
+            yield "targets: are not those of the scene"
 
 
 def _compare(key: str, stored: Any, made: Any) -> Iterator[str]:
@@ -150,7 +157,7 @@ def _compare(key: str, stored: Any, made: Any) -> Iterator[str]:
                 yield inner[0]
                 return
     elif isinstance(made, float) and isinstance(stored, int | float):
-        if abs(stored - made) > SAME * max(1.0, abs(made)):
+        if not abs(stored - made) <= SAME * max(1.0, abs(made)):
             yield f"{key}: is {stored!r}, recomputed {made!r}"
     elif stored != made:
         yield f"{key}: is {stored!r}, recomputed {made!r}"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from drapeplan.console import draw_first_touch, say_error, show_progress, show_verdict
-from drapeplan.errors import DrapeplanError, InputError
+from drapeplan.errors import DrapeplanError, InfeasibleError, InputError
 from drapeplan.files import check_outputs, unwritable
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # One BLAS thread: sums in one order, so the same bytes every time.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")
+    os.environ[_variable] = "1"
 
 BUG = 70  # exit code of what should never happen
 LEFT = 141  # exit code where the reader of stdout left early, as `head` does
@@ -114,8 +114,13 @@ def plan(
         read = read.model_copy(update={"seed": seed})
     written = [output, figure] if figure else [output]
     check_outputs(written, _inputs(read, scene))
-    with _naming(scene), show_progress(as_json) as progress:
-        outcome = make_plan(read, scene.parent, str(scene), progress)
+    try:
+        with _naming(scene), show_progress(as_json) as progress:
+            outcome = make_plan(read, scene.parent, str(scene), progress)
+    except InfeasibleError:
+        if output.exists():
+            print(f"nothing written: {output} is of an earlier run", file=sys.stderr)
+        raise
     result = outcome.plan
     result.write(output)
     verdict = result.verdict

@@ -40,19 +40,21 @@ def pass_level(h: Floats, seed: Bools, eight_connected: bool) -> Floats:
     return inside.reshape(h.shape)
 
 
-def escape_level(h: Floats) -> Floats:
-    """Height of the lowest place on the best way from each sample to the ply's edge.
+def escape_level(h: Floats, vents: Bools | None = None) -> Floats:
+    """Height of the lowest place on the best way from each sample to where air leaves.
 
     The best way is the one whose lowest place is highest, over sides alone: how wide
     the ply gapes where trapped air would leave.
 
     Args:
         h: Heights, shape (..., nt, ns), in [m].
+        vents: Where air leaves, shape (nt, ns); by default the ply's edge.
 
     Returns:
         Escape levels, the shape of `h`, in [m].
     """
-    return -pass_level(-np.asarray(h), edge_mask(h.shape[-2:]), eight_connected=False)
+    vents = edge_mask(h.shape[-2:]) if vents is None else vents
+    return -pass_level(-np.asarray(h), vents, eight_connected=False)
 
 
 def edge_mask(shape: tuple[int, ...]) -> Bools:
@@ -82,7 +84,9 @@ def premature_margins(h: Floats, start: Bools, touch: float, barrier: float) -> 
     return np.where(apart, h - touch, np.inf)
 
 
-def air_margins(h: Floats, touch: float, barrier: float) -> Floats:
+def air_margins(
+    h: Floats, touch: float, barrier: float, vents: Bools | None = None
+) -> Floats:
     """How far the ply is from closing around each sample.
 
     A sample lies in a hollow if it is higher, by more than `barrier`, than both the
@@ -93,11 +97,12 @@ def air_margins(h: Floats, touch: float, barrier: float) -> Floats:
         h: Heights above the laid state, shape (..., nt, ns), in [m].
         touch: Height up to which a sample touches, in [m].
         barrier: Height by which a hollow counts, in [m].
+        vents: Where air leaves, shape (nt, ns); by default the ply's edge.
 
     Returns:
         Margins, the shape of `h`, in [m]; infinite outside hollows.
     """
-    escape = escape_level(h)
+    escape = escape_level(h, vents)
     hollow = h > np.maximum(escape, touch) + barrier
     return np.where(hollow, escape - touch, np.inf)
 

@@ -60,7 +60,7 @@ def premature_regions(h: Floats, start_pad: Bools, tolerance: Tolerance) -> Ints
     return np.where(apart[labels] & (h <= tolerance.touch), labels, 0)
 
 
-def air_pockets(h: Floats, tolerance: Tolerance) -> Ints:
+def air_pockets(h: Floats, tolerance: Tolerance, vents: Bools | None = None) -> Ints:
     """Hollows that contact encloses.
 
     Free samples hang together over sides; a part that neither reaches the ply's edge
@@ -70,13 +70,14 @@ def air_pockets(h: Floats, tolerance: Tolerance) -> Ints:
     Args:
         h: Heights above the laid state, shape (nt, ns), in [m].
         tolerance: Tolerances of the check.
+        vents: Where air leaves, shape (nt, ns); by default the ply's edge.
 
     Returns:
         A positive label on the samples of each pocket, else zero, shape (nt, ns).
     """
     labels, count = ndimage.label(h > tolerance.touch)
     closed, deep = np.ones(count + 1, dtype=bool), np.zeros(count + 1, dtype=bool)
-    closed[labels[edge_mask(h.shape)]] = False
+    closed[labels[edge_mask(h.shape) if vents is None else vents]] = False
     deep[labels[h > tolerance.touch + tolerance.barrier]] = True
     return np.where((closed & deep)[labels], labels, 0)
 
@@ -130,6 +131,7 @@ def check_front(
     tolerance = tolerance or Tolerance()
     _check_inputs(gap, final_gap, grid, placed, landing)
     laid = grid.laid(placed)
+    stuck = laid & ~grid.beside
     h = heights(gap, final_gap, laid)
     pads = grid.on_pads(landing)
     poses = zip(h, laid, pads, strict=True)
@@ -141,7 +143,7 @@ def check_front(
     events: list[FrontEvent] = []
     for k in map(int, np.nonzero(bad)[0]):
         early_now = premature_regions(h[k], grid.start_pad, tolerance)
-        pockets_now = air_pockets(h[k], tolerance)
+        pockets_now = air_pockets(h[k], tolerance, grid.vents)
         early, pockets = early | (early_now > 0), pockets | (pockets_now > 0)
         events += _order_events(k, h[k], early_now, pockets_now, grid)
         events += _depth_events(k, h[k], laid[k], pads[k], grid, tolerance)
@@ -155,7 +157,7 @@ def check_front(
         span_penetration=span_depth,
         pad_penetration=pad_depth,
         contact_area=contact,
-        laid_deviation=np.abs(gap - final_gap).max((1, 2), where=laid, initial=0.0),
+        laid_deviation=np.abs(gap - final_gap).max((1, 2), where=stuck, initial=0.0),
         worst_premature=_worst(premature, h, grid, tolerance, EventKind.PREMATURE),
         worst_air=_worst(air, h, grid, tolerance, EventKind.AIR_POCKET),
         highest=grid.spot(final_gap, everywhere),
@@ -176,7 +178,7 @@ def _measures(
     spans = ~laid & ~pads
     return (
         premature_margins(h, grid.start_pad, touch, barrier).min(),
-        air_margins(h, touch, barrier).min(),
+        air_margins(h, touch, barrier, grid.vents).min(),
         max(0.0, -h.min(where=spans, initial=0.0)),
         max(0.0, -h.min(where=~laid & pads, initial=0.0)),
         grid.areas[h <= touch].sum() / grid.areas.sum(),
@@ -254,7 +256,7 @@ def _worst(
     if kind is EventKind.PREMATURE:
         depth, field = -h[k], premature_margins(h[k], grid.start_pad, touch, barrier)
     else:
-        depth, field = h[k], air_margins(h[k], touch, barrier)
+        depth, field = h[k], air_margins(h[k], touch, barrier, grid.vents)
     spot = grid.spot(depth, field <= field.min() + TIE, pose=k)
     return replace(spot, value=float(margins[k]))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from drapeplan.errors import InputError
-from drapeplan.flood import Bools, Floats
+from drapeplan.flood import Bools, Floats, edge_mask
 from drapeplan.verdict import Spot
 
 Ints = NDArray[np.integer[Any]]
@@ -28,6 +28,8 @@ class FrontGrid:
             there are fewer than four. Not read on pads, which depend on their own cup.
         columns: Number of cups along s: cup index = row * columns + column.
         start_cup: Index of the cup placed first.
+        off_mold: Samples that hang beside the mold in the laid state, shape (nt, ns):
+            they meet nothing, and air leaves there. None for no such sample.
     """
 
     s: Floats
@@ -36,6 +38,7 @@ class FrontGrid:
     cups_around: Ints
     columns: int
     start_cup: int
+    off_mold: Bools | None = None
 
     def __post_init__(self) -> None:
         """Refuse samples that cannot be a ply.
@@ -56,6 +59,17 @@ class FrontGrid:
             raise InputError("front grid", "cups_around", "names a cup that has no pad")
         if not 0 <= self.start_cup < cups:
             raise InputError("front grid", "start_cup", f"there is no {self.start_cup}")
+
+    @cached_property
+    def beside(self) -> Bools:
+        """Samples beside the mold in the laid state, shape (nt, ns)."""
+        nowhere = np.zeros(self.cup_index.shape, dtype=bool)
+        return nowhere if self.off_mold is None else self.off_mold
+
+    @cached_property
+    def vents(self) -> Bools:
+        """Where air leaves: the ply's edge and what hangs beside the mold, (nt, ns)."""
+        return edge_mask(self.cup_index.shape) | self.beside
 
     @cached_property
     def areas(self) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,99 +9,20 @@ from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
 from drapeplan.closures import Chords, Closures
+from drapeplan.contact import Contact, judge_contact
 from drapeplan.frames import inverse, moved, rotation_vectors
-from drapeplan.front import check_front
-from drapeplan.front_grid import FrontGrid
 from drapeplan.motion import ALIGNED, CLOSED, LANDED, LIMIT
 from drapeplan.sequence import Sequence
 from drapeplan.track import Track
-from drapeplan.verdict import FrontVerdict, Tolerance
+from drapeplan.verdict import FrontVerdict
 from ply.fiber import LengthStatus, bubble_height
 from ply.shape import ply_fibers
 
 Array = NDArray[np.float64]
 
-FAR = 1.0  # [m] gap of ply that hangs beside the mold: it meets nothing there
 INSTANT = 1e-6  # [s] times are rounded to microseconds
 RATE = 1e-6  # [-] share by which a rate may pass its limit: rounded times
 DIGITS = 9  # decimals of the numbers in a verdict
-
-
-@dataclass(frozen=True)
-class Contact:
-    """The ply over the mold, pose by pose.
-
-    Attributes:
-        points: Ply in the mold frame, shape (K, nt, ns, 3), in [m].
-        gap: Signed distance to the mold, shape (K, nt, ns), in [m].
-        front: The verdict on the order of contact.
-    """
-
-    points: Array
-    gap: Array
-    front: FrontVerdict
-
-
-def ply_over_mold(
-    cell: Cell, positions: Array, rotations: Array
-) -> tuple[Array, Array]:
-    """Ply and its gap to the mold.
-
-    Args:
-        cell: Robot, mold and ply.
-        positions: Cup positions in the mold frame, shape (K, n, 3), in [m].
-        rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
-
-    Returns:
-        Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m];
-        beside the mold the gap is FAR.
-    """
-    take_up = cell.scene.ply.take_up_mm * 1e-3
-    grid = cell.sampling.grid
-    fibers = ply_fibers(grid, positions, rotations, take_up=take_up)
-    points = cell.sampling.points(fibers, positions, rotations)
-    over = cell.mold.inside(points[..., 0], points[..., 1])
-    return points, np.where(over, cell.mold.gap(points), FAR)
-
-
-def judge_contact(
-    cell: Cell,
-    sequence: Sequence,
-    poses: tuple[Array, Array],
-    placed: NDArray[np.bool_],
-    landing: NDArray[np.bool_],
-) -> Contact:
-    """Whether the material meets the mold outward from the start.
-
-    Args:
-        cell: Robot, mold and ply.
-        sequence: Gives the start cup.
-        poses: Cup poses in the mold frame; in the last one all cups are placed.
-        placed: Placed cups of each pose, shape (K, n).
-        landing: Landing cups of each pose, shape (K, n).
-    """
-    points, gap = ply_over_mold(cell, *poses)
-    beside = gap[-1] >= FAR
-    final = np.where(beside, 0.0, gap[-1])
-    sampling, grid = cell.sampling, cell.grid
-    samples = FrontGrid(
-        sampling.s,
-        sampling.t,
-        sampling.cup_index,
-        sampling.cups_around,
-        grid.columns,
-        sequence.index(sequence.start_cup),
-    )
-    limits = cell.scene.tolerance
-    tolerance = Tolerance(
-        limits.touch_mm * 1e-3,
-        limits.barrier_mm * 1e-3,
-        limits.penetration_mm * 1e-3,
-        limits.pad_penetration_mm * 1e-3,
-    )
-    gap = np.where(beside, FAR, gap)
-    front = check_front(gap, final, samples, placed, landing, tolerance)
-    return Contact(points, gap, front)
 
 
 def judge(
@@ -124,6 +44,7 @@ def judge(
     parts = {
         "interlinks": _interlinks(track),
         "landing": _landing(positions, rotations, placed, targets),
+        "laid": _laid(cell, contact),
         "limits": _limits(track),
         "fibers": _fibers(cell, track, span.stop),
     }
@@ -133,7 +54,7 @@ def judge(
         and contact.front.starts_free
         and all(part["good"] for part in parts.values()),
         "fidelity": cell.scene.fidelity,
-        "ply_model": "quartic within take-up",
+        "ply_model": "cubic of natural length within take-up",
         **parts,
         "steps": _steps(track, contact.front, sequence, span),
         "front": front,
@@ -154,14 +75,15 @@ def _interlinks(track: Track) -> dict[str, Any]:
     """Errors of the interlinks' lengths over all waypoints."""
     closures = Closures(track.robot)
     error = np.abs(closures.values(*track.poses))
-    k, row = np.unravel_index(error.argmax(), error.shape)
-    pair = [_cup(track.robot.columns, i) for i in closures.pairs[row]]
-    return {
+    facts: dict[str, Any] = {
         "good": bool(error.max() <= CLOSED),
         "worst_error_mm": _number(1e3 * error.max()),
-        "between": pair,
-        "waypoint": int(k),
     }
+    if facts["worst_error_mm"] > 0:  # below that, rounding would choose the place
+        k, row = np.unravel_index(error.argmax(), error.shape)
+        pair = [_cup(track.robot.columns, i) for i in closures.pairs[row]]
+        facts |= {"between": pair, "waypoint": int(k)}
+    return facts
 
 
 def _landing(
@@ -190,6 +112,22 @@ def _landing(
     }
 
 
+def _laid(cell: Cell, contact: Contact) -> dict[str, Any]:
+    """How the laid ply lies: above the mold, inside it, or beside it."""
+    limits, front = cell.scene.tolerance, contact.front
+    bridge, sink = 1e3 * front.highest.value, -1e3 * front.lowest.value
+    pads = np.unique(cell.sampling.cup_index[contact.beside])
+    hanging = [_cup(cell.grid.columns, cup) for cup in pads if cup >= 0]
+    fits = bridge <= limits.laid_bridge_mm and sink <= limits.laid_sink_mm
+    return {
+        "good": bool(fits and not hanging),
+        "bridges_mm": _number(max(bridge, 0.0)),
+        "sinks_mm": _number(max(sink, 0.0)),
+        "beside_mold_share": _number(contact.beside.mean()),
+        "pads_beside_mold": hanging,
+    }
+
+
 def _limits(track: Track) -> dict[str, Any]:
     """Room left to the limits of joints, strokes and rates."""
     robot, q = track.robot, track.q
@@ -200,7 +138,8 @@ def _limits(track: Track) -> dict[str, Any]:
     reach = robot.velocity * np.maximum(duration, INSTANT)
     share = (np.abs(np.diff(q, axis=0)) / reach).max(initial=0)
     strokes = q[:, stroke]
-    k, worst = np.unravel_index(room.argmin(), room.shape)
+    share_left = room / (robot.upper - robot.lower)
+    k, worst = np.unravel_index(share_left.argmin(), room.shape)
     good = room.min() >= -LIMIT and share <= 1 + RATE and (duration > 0).all()
     return {
         "good": bool(good),

@@ -12,7 +12,7 @@ from drapeplan.cell import Cell
 from drapeplan.errors import InfeasibleError
 from drapeplan.legs import leg_coordinates
 from drapeplan.path import CupState, Path
-from drapeplan.robot import Robot
+from drapeplan.robot import ReachError, Robot
 from drapeplan.strokes import StrokeSolution, StrokeSolver
 
 Array = NDArray[np.float64]
@@ -58,7 +58,9 @@ class StrokesError(InfeasibleError):
     ) -> None:
         """Prefix the reason with its moment."""
         what, excess, remedy = reason
-        moment = f"wave step {step + 1}" if phase == "wave" else phase
+        moment = phase
+        if phase == "wave":
+            moment = f"wave step {step + 1}" if step >= 0 else "start cup"
         if phase != "wave" and remedy == OUTWARD:
             remedy = "a flatter mold, less lift or a lower hover would help"
         super().__init__(f"{moment}: {what}", excess, remedy)
@@ -84,6 +86,8 @@ def follow(
         StrokesError: If the tool cannot take a pose that it must take.
     """
     follower = _Follower(cell, path)
+    for phase in ("wave", "pick"):  # the places that matter before the way to them
+        follower.reach(path.phase.index(phase))
     for k in range(len(path.tau)):
         follower.advance(k)
         if progress:
@@ -140,7 +144,7 @@ class _Follower:
         """Append the joint positions and the time of waypoint k."""
         path, robot = self.path, self.robot
         if k == 0 or not np.array_equal(path.tool[k], path.tool[k - 1]):
-            self.arm = np.round(robot.arm_inverse(path.tool[k], self.arm), DIGITS)
+            self.arm = np.round(self.reach(k), DIGITS)
         previous = self.rows[-1] if self.rows else None
         guess, fixed = self._guess(k, previous)
         landing = path.states[k] >= CupState.LANDING
@@ -152,9 +156,34 @@ class _Follower:
         if reason:  # the constraint that the request itself breaks says more
             asked = self.solver.judge(guess, request)
             reason = explain(robot, asked, landing & ~fixed) or reason
+            reason = self._too_fast(k, guess, previous) or reason
             raise StrokesError(reason, k, path.phase[k], int(path.step[k]))
         self.rows.append(np.round(solution.q, DIGITS))
         self.programs.append(solution.programs)
+
+    def reach(self, k: int) -> Array:
+        """Arm coordinates of waypoint k, shape (6,), in [rad].
+
+        Raises:
+            ReachError: If there are none.
+        """
+        try:
+            return self.robot.arm_inverse(self.path.tool[k], self.arm)
+        except ReachError as error:
+            raise ReachError(error.target, error.error, self.path.phase[k]) from error
+
+    def _too_fast(
+        self, k: int, guess: Array, previous: Array | None
+    ) -> tuple[str, str, str] | None:
+        """The joint that would have to move too fast for the wave's time, if any."""
+        if previous is None:
+            return None
+        share = np.abs(guess - previous) / (self.robot.velocity * self._duration(k))
+        joint = int(share.argmax())
+        if share[joint] <= 1:
+            return None
+        what = f"joint {self.robot.model.names[1 + joint]} passes its speed limit"
+        return what, f"{100 * (share[joint] - 1):.0f} %", "raise motion.step_time_s"
 
     def _guess(self, k: int, previous: Array | None) -> tuple[Array, NDArray[np.bool_]]:
         """Closed-form legs, and which of them stay as they were.

@@ -56,7 +56,7 @@ class _Sequence(_Strict):
 
 
 class _Waypoint(_Strict):
-    phase: str
+    phase: Literal["pick", "lift", "preshape", "approach", "wave", "release", "retreat"]
     step: int
     tau: float
     time_s: float
@@ -86,6 +86,10 @@ class Document(_Strict):
     verdict: dict[str, Any]
 
 
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
 CUP_LETTERS = "hlpr"  # holding, landing, placed, released: CupState by position
 
 
@@ -107,7 +111,8 @@ class Plan:
             InputError: If the file is missing or is no plan.
         """
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
+            text = path.read_text(encoding="utf-8")
+            data = json.loads(text, parse_constant=_no_number)
         except OSError as error:
             raise InputError(
                 str(path), "", f"cannot read it ({error.strerror})"

@@ -17,12 +17,13 @@ from drapeplan.cell import (
     fill_surface,
     read_sources,
 )
+from drapeplan.contact import Contact, judge_contact
 from drapeplan.errors import InfeasibleError
-from drapeplan.judge import Contact, judge, judge_contact
+from drapeplan.judge import judge
 from drapeplan.motion import Motion, StrokesError, follow
 from drapeplan.net import Net, least_shear_net
 from drapeplan.path import Path, plan_path
-from drapeplan.plan import Plan, make_document
+from drapeplan.plan import DIGITS, Plan, make_document
 from drapeplan.scene import HoverPath, Scene
 from drapeplan.sentences import sentences
 from drapeplan.sequence import Sequence, make_sequence
@@ -40,7 +41,6 @@ class NotDrapableError(InfeasibleError):
     Attributes:
         report: What was found, as plain data with units in the keys.
         sentences: The same in words.
-        contact: The ply on the requested poses.
     """
 
     def __init__(
@@ -80,26 +80,56 @@ def make_plan(
     cell = build_cell(scene, read_sources(scene, folder))
     check_placement(cell, source)
     sequence = make_sequence(scene.sequence, cell.grid.rows, cell.grid.columns, source)
-    tell("net", 0.0)
-    targets = cup_targets(cell)
-    tell("wave", 0.0)
-    wave = request_wave(cell, targets, sequence)
-    start = sequence.index(sequence.start_cup)
-    path = plan_path(cell, targets, wave, start)
+    tell("net and wave", 0.0)
+    asked = make_request(cell, sequence)
+    path, wave = asked.path, asked.wave
     count = len(path.tau)
     try:
         motion = follow(cell, path, lambda k: tell("strokes", k / count))
     except StrokesError as error:
         raise _not_drapable(cell, sequence, wave, error) from error
     track = make_track(cell, path, motion)
-    landing = wave.positions[-1], wave.rotations[-1]
     tell("front", 0.0)
-    landing = tuple(np.round(x, 12) + 0.0 for x in landing)
+    landing = asked.landing
     verdict, contact = judge(cell, sequence, landing, track)
-    facts = net_facts(cell, landing[0])
+    facts = net_facts(cell, landing[0], asked.targets)
     document = make_document(cell, sequence, landing, facts, track, verdict)
     tell("front", 1.0)
     return Outcome(Plan(document), contact, motion)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a scene asks of arm and tool, before any joint is known.
+
+    Attributes:
+        targets: Least-shear net on the mold.
+        wave: Cup poses of the wave, mold frame.
+        path: All waypoints, world.
+    """
+
+    targets: Net
+    wave: Wave
+    path: Path
+
+    @property
+    def landing(self) -> tuple[Array, Array]:
+        """Where each cup is to land: (n, 3) in [m] and (n, 3, 3), mold frame."""
+        last = self.wave.positions[-1], self.wave.rotations[-1]
+        positions, rotations = (np.round(x, DIGITS) + 0.0 for x in last)
+        return positions, rotations
+
+
+def make_request(cell: Cell, sequence: Sequence) -> Request:
+    """Net, wave and path of a scene.
+
+    Raises:
+        InfeasibleError: If there is no net of cup targets on the mold.
+    """
+    targets = cup_targets(cell)
+    wave = request_wave(cell, targets, sequence)
+    start = sequence.index(sequence.start_cup)
+    return Request(targets, wave, plan_path(cell, targets, wave, start))
 
 
 def cup_targets(cell: Cell) -> Net:
@@ -140,22 +170,25 @@ def request_wave(cell: Cell, targets: Net, sequence: Sequence) -> Wave:
     return plan_wave(cell.mold, targets, cell.grid, sequence, path, warp)
 
 
-def net_facts(cell: Cell, positions: Array) -> dict[str, float]:
-    """Link error and shear of the landed net.
+def net_facts(cell: Cell, positions: Array, targets: Net) -> dict[str, float]:
+    """Link error and shear of the landed net, and how far the wave let it drift.
 
     Args:
         cell: Gives the tool's grid.
-        positions: Cup targets, shape (n, 3), in [m].
+        positions: Where the cups land, shape (n, 3), in [m].
+        targets: The least-shear net.
     """
     grid = cell.grid
     points = positions.reshape(grid.rows, grid.columns, 3)
     links = [np.linalg.norm(np.diff(points, axis=k), axis=-1).ravel() for k in (0, 1)]
     error = np.abs(np.concatenate(links) - grid.pitch).max()
     shear = np.abs(cell_shear(points))
+    drift = np.linalg.norm(positions - targets.positions, axis=1).max()
     return {
         "worst_link_error_mm": round(1e3 * float(error), 9),
         "largest_cell_shear_deg": round(float(np.degrees(shear.max())), 9),
         "mean_cell_shear_deg": round(float(np.degrees(shear.mean())), 9),
+        "drift_from_least_shear_mm": round(1e3 * float(drift), 6),
     }
 
 

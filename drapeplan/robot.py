@@ -51,11 +51,12 @@ class ReachError(InfeasibleError):
         error: Distance of the nearest placement found within the limits, in [m].
     """
 
-    def __init__(self, target: Array, error: float) -> None:
-        """Say where and by how much."""
+    def __init__(self, target: Array, error: float, phase: str = "") -> None:
+        """Say when, where and by how much."""
         self.target, self.error = target, error
         place = ", ".join(f"{x:.3f}" for x in target)
-        what = f"the arm cannot bring tool0 to ({place}) m in this orientation"
+        what = f"the arm stays short of tool0 at ({place}) m in this orientation"
+        what = f"{phase}: {what}" if phase else what
         remedy = "move the mold or the pick table nearer to the arm"
         super().__init__(what, f"{1e3 * error:.3g} mm", remedy)
 

@@ -238,6 +238,8 @@ class ToleranceSection(Section):
     barrier_mm: Small = 0.5
     penetration_mm: Small = 0.3
     pad_penetration_mm: Small = 1.0
+    laid_sink_mm: Small = 3.0
+    laid_bridge_mm: Small = 3.0
     shape_mm: Small = 0.2
 
 

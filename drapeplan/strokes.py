@@ -22,6 +22,7 @@ WAITING = 0.02  # [-] weight of cups that neither stand nor land
 DAMPING = 1e-6  # [-] keeps the Hessian definite
 TRUST = 0.15  # [rad], [m] longest step of one linearization
 STEPS = 12  # most linearizations
+FEASIBLE = 1e-3  # [mm], [rad] largest violation of a program that counts as solved
 SETTLED = 1e-9  # [rad], [m] step at which the iteration has settled
 
 
@@ -112,7 +113,7 @@ class StrokeSolver:
                 QuadraticProgram(*program, *box),
             )
             programs += 1
-            found = solution.found
+            found = solution.found and solution.violation < FEASIBLE
             if not found:
                 break
             q[columns] += solution.x

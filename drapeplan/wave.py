@@ -16,6 +16,7 @@ from drapeplan.sequence import Rectangle, Sequence
 from drapeplan.surfaces import AbstractSurface, Plane
 
 Array = NDArray[np.float64]
+DIGITS = 12  # decimals of tau: the same bytes whatever the last bit of a power is
 EXACT = 1e-9  # [m] link error of a net that counts as solved
 
 
@@ -95,7 +96,7 @@ def progress(gap: float, last_gap: float, poses: int) -> Array:
     """
     ratio = min(last_gap / max(gap, last_gap), 0.5)
     remaining = ratio ** (np.arange(1, poses) / (poses - 1))
-    return np.append(1 - remaining, 1.0)
+    return np.append(np.round(1 - remaining, DIGITS), 1.0)
 
 
 def _rectangle_blend(

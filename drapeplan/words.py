@@ -67,6 +67,7 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
             f"{landing['worst_angle_deg']:.3g} deg from their targets, or slide by "
             f"{landing['worst_slide_mm']:.3g} mm, or some are never placed."
         )
+    lines += _laid_lines(verdict["laid"])
     limits = verdict["limits"]
     if not limits["good"]:
         lines.append(
@@ -75,6 +76,20 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
             f"({100 * limits['largest_rate_share']:.0f} % of what is allowed)."
         )
     return lines + _fiber_lines(verdict["fibers"])
+
+
+def _laid_lines(laid: dict[str, Any]) -> list[str]:
+    """What keeps the laid ply from lying on the mold."""
+    if laid["good"]:
+        return []
+    if laid["pads_beside_mold"]:
+        cup = tuple(laid["pads_beside_mold"][0])
+        count = len(laid["pads_beside_mold"])
+        return [f"The pads of {count} cups hang over the mold's edge, first {cup}."]
+    return [
+        f"Laid, the ply bridges {laid['bridges_mm']:.1f} mm or sinks "
+        f"{laid['sinks_mm']:.1f} mm: the mold is too curved between the cups."
+    ]
 
 
 def _fiber_lines(fibers: dict[str, Any]) -> list[str]:
@@ -107,4 +122,7 @@ def summary(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[
         lines = [*lines, *sentences(front, names)]
     else:
         lines = [*lines, *sentences(front, names)[1 + len(front.events) :]]
+    share = verdict["laid"]["beside_mold_share"]
+    if share:
+        lines.append(f"{100 * share:.1f} % of the ply hangs beside the mold.")
     return [*lines, KINEMATIC] if verdict["fidelity"] == "kinematic" else lines

@@ -92,6 +92,7 @@ def test_a_turned_verdict_is_seen(document):
     ("path", "change", "word"),
     [
         (["waypoints", WAVE, "cups"], lambda x: "h" + x[1:-1] + "p", "cups"),
+        (["waypoints", WAVE, "step"], lambda x: x + 1, "waypoints"),
         (["sequence", "pattern"], lambda x: "spine_s", "sequence.pattern"),
         (["sequence", "steps", 0], lambda x: x[:1], "sequence.steps"),
         (["arm", "joint_names"], lambda x: x[::-1], "arm.joint_names"),
@@ -137,3 +138,57 @@ def test_embedded_sources_are_hashed(document):
 
     found = mended(document, ["tool", "urdf"], swap)
     assert any("sources_sha256" in line for line in found.broken)
+
+
+def remade(document, alter):
+    """A plan altered, then given the verdict and the hash that follow from it."""
+    made = copy.deepcopy(document)
+    alter(made)
+    plan = Plan(made)
+    made["verdict"] = plan.judged[0]
+    made["hash"] = document_hash(made)
+    return check_plan(Plan(made))
+
+
+def lift_mold(made):
+    """Mold and targets moved apart: the ply would lie 50 mm above the mold."""
+    made["scene"]["mold"]["position_m"][2] -= 0.05
+    for position in made["targets"]["position_m"]:
+        position[2] += 0.05
+
+
+def drop_waypoints(made):
+    """All but the ends of the wave steps left out: nothing between them is judged."""
+    made["waypoints"] = [
+        waypoint
+        for waypoint in made["waypoints"]
+        if waypoint["phase"] != "wave" or waypoint["tau"] == 1
+    ]
+
+
+def hide_a_jump(made):
+    """A waypoint of the wave called an approach, with its cups in the air."""
+    made["waypoints"][WAVE]["phase"] = "approach"
+    made["waypoints"][WAVE]["cups"] = "h" * 48
+
+
+def move_pick(made):
+    made["scene"]["pick"]["position_m"][0] -= 0.1
+
+
+def change_lift(made):
+    made["scene"]["path"]["lift_per_m"] = 0.3
+
+
+def drop_retreat(made):
+    made["waypoints"] = made["waypoints"][:-2]
+
+
+@pytest.mark.parametrize(
+    "alter",
+    [lift_mold, drop_waypoints, hide_a_jump, move_pick, change_lift, drop_retreat],
+)
+def test_a_plan_that_agrees_with_itself_but_not_with_its_scene(document, alter):
+    found = remade(document, alter)
+    assert not found.passed
+    assert found.differing

@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose
 
-from drapeplan.judge import FAR, judge_contact, ply_over_mold
+from drapeplan.contact import FAR, judge_contact, ply_over_mold
 from drapeplan.planner import make_plan
+from drapeplan.scene import scene_from
+from drapeplan.words import summary
 from tests.plans import BOWL, EXAMPLES, panel, scene, stages
 
 GENTLE = {"family": "rectangle_blend", "lift_per_m": 0.35}
@@ -96,3 +99,56 @@ def test_a_ply_picked_where_the_mold_stands_is_refused():
     verdict = make_plan(near, EXAMPLES, "test").plan.verdict
     assert not verdict["front"]["starts_free"]
     assert not verdict["good"]
+
+
+@pytest.mark.parametrize("height", [12, -15])
+def test_a_ply_that_does_not_lie_on_the_mold_is_not_good(height):
+    """A narrow ridge or groove between two columns of cups."""
+    surface = {"kind": "ridge", "height_mm": height, "sigma_mm": 12, "offset_mm": 0}
+    verdict = make_plan(scene(surface), EXAMPLES, "test").plan.verdict
+    assert verdict["front"]["passed"]
+    assert not verdict["laid"]["good"]
+    assert not verdict["good"]
+    side = "sinks_mm" if height > 0 else "bridges_mm"
+    assert verdict["laid"][side] > 5
+
+
+def mesh_scene(folder, size, hole=None):
+    """A flat mold of a size, with a square hole at a place if asked for."""
+    x, y = (np.arange(-s / 2, s / 2 + 1e-9, 0.01) for s in size)
+    grid = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    i = np.arange(len(grid)).reshape(len(x), len(y))
+    a, b, c, d = (q.ravel() for q in (i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    if hole:
+        middle = grid[faces].mean(axis=1)[:, :2]
+        faces = faces[(np.abs(middle - hole) > 0.022).any(axis=1)]
+    path = folder / "mold.stl"
+    trimesh.Trimesh(grid, faces, process=False).export(path)
+    mold = {"mesh": {"path": str(path), "unit": "m"}}
+    return scene_from({"format": "drapeplan-scene/1", "mold": mold}, "test")
+
+
+def test_pads_over_the_edge_of_the_mold_are_named(tmp_path):
+    made = make_plan(mesh_scene(tmp_path, (0.58, 0.80)), EXAMPLES, "test")
+    laid = made.plan.verdict["laid"]
+    assert not made.plan.verdict["good"]
+    assert len(laid["pads_beside_mold"]) == 24
+    assert 0.1 < laid["beside_mold_share"] < 0.3
+    words = " ".join(summary(made.plan.verdict, made.contact.front, made.plan.track))
+    assert "24 cups" in words
+    assert "beside the mold" in words
+
+
+def test_ply_over_the_edge_is_told_and_fine(tmp_path):
+    made = make_plan(mesh_scene(tmp_path, (0.60, 0.82)), EXAMPLES, "test")
+    assert made.plan.verdict["good"]
+    assert made.plan.verdict["laid"]["beside_mold_share"] > 0
+    assert made.contact.front.laid_deviation.max() < 1e-3
+
+
+def test_a_hole_in_the_mold_vents(tmp_path):
+    hole = (0.0, 0.0)  # between four cups
+    made = make_plan(mesh_scene(tmp_path, (0.8, 1.0), hole), EXAMPLES, "test")
+    assert made.plan.verdict["good"]
+    assert 0 < made.plan.verdict["laid"]["beside_mold_share"] < 0.01

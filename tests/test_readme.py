@@ -55,3 +55,7 @@ def test_examples_of_the_table_exist():
     folder = Path(__file__).parent.parent / "examples"
     listed = set(re.findall(r"^\| `(\w+\.yaml)`", README, re.MULTILINE))
     assert listed == {path.name for path in folder.glob("*.yaml")}
+
+
+def test_no_place_is_left_to_fill():
+    assert not re.search(r"@[A-Z]+@", README)

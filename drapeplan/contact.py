@@ -1,0 +1,99 @@
+"""Contact: the ply over the mold, pose by pose, and the order in which they meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import Cell
+from drapeplan.front import check_front
+from drapeplan.front_grid import FrontGrid
+from drapeplan.sequence import Sequence
+from drapeplan.verdict import FrontVerdict, Tolerance
+from ply.shape import ply_fibers
+
+Array = NDArray[np.float64]
+
+FAR = 1.0  # [m] gap of ply that hangs beside the mold: it meets nothing there
+HIGH = 0.2  # [m] gaps beyond are all the same to the front check
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The ply over the mold, pose by pose.
+
+    Attributes:
+        points: Ply in the mold frame, shape (K, nt, ns, 3), in [m].
+        gap: Signed distance to the mold, shape (K, nt, ns), in [m]; FAR beside it.
+        beside: Samples that hang beside the mold in the laid state, shape (nt, ns).
+        front: The verdict on the order of contact.
+    """
+
+    points: Array
+    gap: Array
+    beside: NDArray[np.bool_]
+    front: FrontVerdict
+
+
+def ply_over_mold(
+    cell: Cell, positions: Array, rotations: Array
+) -> tuple[Array, Array]:
+    """Ply and its gap to the mold.
+
+    Args:
+        cell: Robot, mold and ply.
+        positions: Cup positions in the mold frame, shape (K, n, 3), in [m].
+        rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
+
+    Returns:
+        Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m];
+        beside the mold the gap is FAR.
+    """
+    take_up = cell.scene.ply.take_up_mm * 1e-3
+    fibers = ply_fibers(cell.sampling.grid, positions, rotations, take_up=take_up)
+    points = cell.sampling.points(fibers, positions, rotations)
+    over = cell.mold.inside(points[..., 0], points[..., 1])
+    return points, np.where(over, cell.mold.gap(points), FAR)
+
+
+def judge_contact(
+    cell: Cell,
+    sequence: Sequence,
+    poses: tuple[Array, Array],
+    placed: NDArray[np.bool_],
+    landing: NDArray[np.bool_],
+) -> Contact:
+    """Whether the material meets the mold outward from the start.
+
+    Args:
+        cell: Robot, mold and ply.
+        sequence: Gives the start cup.
+        poses: Cup poses in the mold frame; in the last one all cups are placed.
+        placed: Placed cups of each pose, shape (K, n).
+        landing: Landing cups of each pose, shape (K, n).
+    """
+    points, gap = ply_over_mold(cell, *poses)
+    beside = gap[-1] >= FAR
+    sampling = cell.sampling
+    samples = FrontGrid(
+        sampling.s,
+        sampling.t,
+        sampling.cup_index,
+        sampling.cups_around,
+        cell.grid.columns,
+        sequence.index(sequence.start_cup),
+        beside,
+    )
+    limits = cell.scene.tolerance
+    tolerance = Tolerance(
+        limits.touch_mm * 1e-3,
+        limits.barrier_mm * 1e-3,
+        limits.penetration_mm * 1e-3,
+        limits.pad_penetration_mm * 1e-3,
+    )
+    final = np.where(beside, 0.0, gap[-1])
+    seen = np.where(beside, HIGH, np.minimum(gap, HIGH))
+    front = check_front(seen, final, samples, placed, landing, tolerance)
+    return Contact(points, gap, beside, front)
