@@ -20,7 +20,7 @@ from ply.grid import CupGrid
 Array = NDArray[np.float64]
 
 KNOTS_A_SPAN = 4  # a fiber bows in one or two waves a span; finer knots fit the noise
-STIFFNESS = 3e-3  # [-] penalty over data: damps a bow of one span by 1e-3
+STIFFNESS = 1e-3  # [-] penalty over data: damps a bow of one span by less than 1e-3
 ROUNDS = 4  # of reweighting: strays of 20 mm are gone after two
 CUTOFF = 4.685  # [-] standard deviations where Tukey's weight ends
 LEAST_SCALE = 3e-4  # [m] of the noise: below it, shapes finer than the knots look stray
@@ -106,13 +106,40 @@ def cup_frame(grid: CupGrid, positions: Array, rotations: Array) -> Frame:
     return Frame(origin, np.column_stack([x, np.cross(z, x), z]))
 
 
-def fit_field(places: ArrayLike, values: ArrayLike, spacing: float) -> Field:
+def plan_knots(grid: CupGrid, positions: Array, frame: Frame) -> tuple[Array, Array]:
+    """Inner knots in the plane of the cups: four meshes a span, and one a cup.
+
+    Knots at the edges of the cups are double, since the ply's curvature jumps there.
+
+    Args:
+        grid: The cup array.
+        positions: Centers of the suction faces, shape (n_cups, 3), in [m].
+        frame: Frame of the cups.
+
+    Returns:
+        Knots along x and along y, in [m].
+    """
+    local = frame.local(positions).reshape(grid.rows, grid.columns, 3)
+    columns, rows = local[..., 0].mean(axis=0), local[..., 1].mean(axis=1)
+    return _cup_knots(columns, grid.half_width), _cup_knots(rows, grid.half_width)
+
+
+def material_knots(grid: CupGrid) -> tuple[Array, Array]:
+    """The same along the material coordinates s and t."""
+    columns, rows = (grid.pitch * np.arange(n) for n in (grid.columns, grid.rows))
+    return _cup_knots(columns, grid.half_width), _cup_knots(rows, grid.half_width)
+
+
+def fit_field(
+    places: ArrayLike, values: ArrayLike, knots: tuple[Array, Array]
+) -> Field:
     """Fit a smooth function to scattered values with noise, holes and strays.
 
     Args:
         places: Places, shape (n, 2), in [m].
         values: Values, shape (n,), in [m].
-        spacing: Least distance between knots, in [m].
+        knots: Inner knots along both coordinates, rising, in [m]; the outer ones make
+            room for all places.
 
     Returns:
         The function.
@@ -120,9 +147,9 @@ def fit_field(places: ArrayLike, values: ArrayLike, spacing: float) -> Field:
     places, values = np.asarray(places, dtype=float), np.asarray(values, dtype=float)
     stride = -(-len(values) // MOST_POINTS)
     places, values = places[::stride], values[::stride]
-    knots = [_knots(places[:, k], spacing) for k in (0, 1)]
-    shape = tuple(len(k) - 4 for k in knots)
-    rows = _design(knots[0], knots[1], places)
+    x_knots, y_knots = (_padded(knots[k], places[:, k]) for k in (0, 1))
+    shape = (len(x_knots) - 4, len(y_knots) - 4)
+    rows = _design(x_knots, y_knots, places)
     penalty = STIFFNESS * len(values) / np.prod(shape) * _roughness(*shape)
     weights = np.ones(len(values))
     for _ in range(ROUNDS):
@@ -133,7 +160,7 @@ def fit_field(places: ArrayLike, values: ArrayLike, spacing: float) -> Field:
         ratio = residual / (CUTOFF * max(noise, LEAST_SCALE))
         weights = np.maximum(1 - ratio**2, 0.0) ** 2
     free = max(1 - len(flat) / len(values), 0.25)
-    return Field(knots[0], knots[1], flat.reshape(shape), noise / free**0.5)
+    return Field(x_knots, y_knots, flat.reshape(shape), noise / free**0.5)
 
 
 def fiber_lengths(
@@ -192,11 +219,19 @@ def _arc_lengths(surface: Field, a: Array, b: Array, path: Array) -> Array:
     return np.sqrt(np.sum(run**2, axis=-1) + rise**2) @ WEIGHTS / 2
 
 
-def _knots(x: Array, spacing: float) -> Array:
-    low, high = x.min(), x.max()
-    count = max(1, int((high - low) / spacing))
-    inner = np.linspace(low, high, count + 1)
-    return np.concatenate([[low] * 3, inner, [high] * 3])
+def _cup_knots(centers: Array, half_width: float) -> Array:
+    """Both ends of the array, its inner cup edges twice, and three knots a span."""
+    centers = np.sort(centers)
+    first, last = centers[0] - half_width, centers[-1] + half_width
+    low, high = centers[:-1] + half_width, centers[1:] - half_width
+    inner = low + np.linspace(0, 1, KNOTS_A_SPAN + 1)[:, None] * (high - low)
+    return np.sort(np.concatenate([[first], low, inner.ravel(), high, [last]]))
+
+
+def _padded(knots: Array, x: Array) -> Array:
+    """Knots whose ends have full multiplicity and take in all coordinates."""
+    low, high = min(knots[0], x.min()), max(knots[-1], x.max())
+    return np.concatenate([[low] * 4, knots[1:-1], [high] * 4])
 
 
 def _design(x_knots: Array, y_knots: Array, places: Array) -> csr_array:

@@ -17,13 +17,14 @@ from drapeplan.cups_file import MM, Cups
 from drapeplan.errors import InputError
 from drapeplan.scan import Scan
 from drapeplan.surface_fit import (
-    KNOTS_A_SPAN,
     Field,
     Frame,
     LengthEstimate,
     cup_frame,
     fiber_lengths,
     fit_field,
+    material_knots,
+    plan_knots,
 )
 from ply.grid import CupGrid
 from ply.shape import MODELS, PlySampling, ply_fibers
@@ -148,9 +149,8 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
         problem = f"{free.sum()} points lie over the free ply within {FAR / MM:g} mm"
         remedy = f"give {LEAST} or more, in the frame of the cups"
         raise InputError(scan.source, "", problem, remedy)
-    spacing = cups.grid.span / KNOTS_A_SPAN
     ply = free | (found.place == Place.ON_CUP)
-    error = fit_field(found.st[ply], found.normal[ply], spacing)
+    error = fit_field(found.st[ply], found.normal[ply], material_knots(cups.grid))
     z = surface.along(world[free], frame.axes[:, 2], found.st[free])
     level = frame.axes[2, 2] > LEVEL
     up = surface.along(world[free], (0.0, 0.0, 1.0), found.st[free]) if level else None
@@ -224,7 +224,8 @@ def _with_lengths(
     if all(cups.lengths_given):
         return cups, (None, None)
     grid = cups.grid
-    surface = fit_field(local[:, :2], local[:, 2], grid.span / KNOTS_A_SPAN)
+    knots = plan_knots(grid, cups.positions, frame)
+    surface = fit_field(local[:, :2], local[:, 2], knots)
     found = fiber_lengths(grid, cups.positions, cups.rotations, frame, surface, local)
     used: list[LengthEstimate | None] = []
     change: dict[str, Any] = {}
