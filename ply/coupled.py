@@ -1,4 +1,4 @@
-r"""The coupled patch: a ply between cups as one small energy problem (D20-D22).
+r"""The coupled patch: a ply between cups as one small energy problem (D10-D12).
 
 A patch with its four strips bends, stretches along its fibers and shears as one smooth
 surface, clamped to four cups: what lifted cups and slack ask for, where strips cannot
@@ -30,7 +30,7 @@ from ply.grid import CupGrid, Region
 
 __all__ = ["CoupledModel", "CoupledPatches", "CoupledStatus"]
 
-CUP_POINTS = 3  # [-] Gauss points across a cup; order + 1 along a span (D20)
+CUP_POINTS = 3  # [-] Gauss points across a cup; order + 1 along a span (D10)
 CHUNK = 8  # [-] patches solved together: their matrices stay in the cache
 ARRAYS = ("coefficients", "cups", "energy", "strain", "status", "iterations")
 STRIPS = {Region.S_STRIP: 0, Region.T_STRIP: 2}  # strip of the patch that stands alone

@@ -1,4 +1,4 @@
-"""The coupled ply of a whole cup array, patch by patch (D22)."""
+"""The coupled ply of a whole cup array, patch by patch (D12)."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,4 +1,4 @@
-"""Functions and integrals of the coupled ply: smooth, rigid on the cups (D20).
+"""Functions and integrals of the coupled ply: smooth, rigid on the cups (D10).
 
 Along one axis of a patch the functions are Hermite cubics at the four cup edges and
 bubbles over the free span; in the plane they are products. The cups give the products

@@ -1,4 +1,4 @@
-"""A patch or a strip, as a core with the strips that hang on it (D21)."""
+"""A patch or a strip, as a core with the strips that hang on it (D11)."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Different stable shapes of one patch, by increasing energy (D22).
+"""Different stable shapes of one patch, by increasing energy (D12).
 
 Slack lets a strip bow to either side, so a patch has up to sixteen stable shapes or
 more, and its poses do not say which of them it has.

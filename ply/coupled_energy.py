@@ -1,4 +1,4 @@
-"""Energy, forces and stiffness of one region of the coupled ply (D20).
+"""Energy, forces and stiffness of one region of the coupled ply (D10).
 
 Bending is quadratic in the unknowns. Stretch and shear come from the Green strains of
 the mid-surface at the Gauss points: (|r_s|^2 - 1) / 2, (|r_t|^2 - 1) / 2, r_s . r_t.

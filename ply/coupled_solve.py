@@ -1,4 +1,4 @@
-"""Newton's method for many coupled bodies of equal shape at once (D21).
+"""Newton's method for many coupled bodies of equal shape at once (D11).
 
 A body is a core and the strips that hang on it. The outer edge of a strip meets nothing
 but the strip, so it is eliminated before the core is solved. Cholesky tells whether the
@@ -48,7 +48,8 @@ def newton(
     """Stable equilibria nearest to the starts, as Newton's method goes.
 
     The stresses in the tangent are those that the last linear step foresaw: they are
-    smooth where the strains of its end are not, which saves most steps [Magisano2017].
+    smooth where the strains of its end are not, which saves most steps
+    (Magisano, Leonetti and Garcea, 2017).
 
     Args:
         body: The body.

@@ -1,4 +1,4 @@
-"""Shapes that Newton's method starts from: strips bulged to chosen sides (D22)."""
+"""Shapes that Newton's method starts from: strips bulged to chosen sides (D12)."""
 
 import numpy as np
 
