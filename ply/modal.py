@@ -52,7 +52,7 @@ class ModalFibers(NamedTuple):
 
     coefficients: Array
     status: Statuses
-    side: Array
+    side: Statuses
     force: Array
 
 

@@ -4,7 +4,7 @@ Two fibers run along the edges of each strip, between the facing edges of two cu
 third one in the middle, where a model asks for it, lets the strip twist.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -95,6 +95,11 @@ class PlyFibers:
         return Sides(
             np.sign(self.s_side.sum(axis=-1)), np.sign(self.t_side.sum(axis=-1))
         )
+
+    def pose(self, *index: int) -> "PlyFibers":
+        """The fibers of one pose of a batch, by its place on the batch axes."""
+        arrays = {one.name: getattr(self, one.name)[index] for one in fields(self)}
+        return PlyFibers(**arrays)
 
 
 def ply_fibers(
