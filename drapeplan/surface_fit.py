@@ -126,7 +126,8 @@ def plan_knots(grid: CupGrid, positions: Array, frame: Frame) -> tuple[Array, Ar
 
 def material_knots(grid: CupGrid) -> tuple[Array, Array]:
     """The same along the material coordinates s and t."""
-    columns, rows = (grid.pitch * np.arange(n) for n in (grid.columns, grid.rows))
+    count = (grid.columns, grid.rows)
+    columns, rows = (grid.pitch * np.arange(n, dtype=np.float64) for n in count)
     return _cup_knots(columns, grid.half_width), _cup_knots(rows, grid.half_width)
 
 
@@ -219,9 +220,9 @@ def _arc_lengths(surface: Field, a: Array, b: Array, path: Array) -> Array:
     return np.sqrt(np.sum(run**2, axis=-1) + rise**2) @ WEIGHTS / 2
 
 
-def _cup_knots(centers: Array, half_width: float) -> Array:
+def _cup_knots(centers: ArrayLike, half_width: float) -> Array:
     """Both ends of the array, its inner cup edges twice, and three knots a span."""
-    centers = np.sort(centers)
+    centers = np.sort(np.asarray(centers, dtype=float))
     first, last = centers[0] - half_width, centers[-1] + half_width
     low, high = centers[:-1] + half_width, centers[1:] - half_width
     inner = low + np.linspace(0, 1, KNOTS_A_SPAN + 1)[:, None] * (high - low)

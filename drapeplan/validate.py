@@ -205,13 +205,14 @@ def _select(cups: Cups, frame: Frame, scan: Scan) -> tuple[Array, int]:
     margin = np.array([MARGIN, MARGIN, cups.grid.span / 2 + FAR])
     inside = (local >= low - margin) & (local <= high + margin)
     near = inside.all(axis=1)
-    if near.sum() < LEAST:
+    ratio = np.ptp(cups.positions, 0).max() / max(np.ptp(scan.points, 0).max(), 1e-9)
+    in_meters = 200 < ratio < 2000
+    if near.sum() < LEAST or in_meters:
         where = _box(scan.points), _box(cups.positions)
         problem = f"does not overlap the cups: the scan lies in {where[0]}, "
         problem += f"the cups of {cups.source or 'the array'} in {where[1]}"
-        ratio = np.ptp(cups.positions, 0).max() / max(np.ptp(scan.points, 0).max(), MM)
         remedy = "give the scan in the frame of the cups"
-        if 200 < ratio < 2000:
+        if in_meters:
             remedy = "this looks like meters: try --unit m"
         raise InputError(scan.source, "", problem, remedy)
     return near, int((inside[:, :2].all(axis=1) & ~near).sum())

@@ -24,6 +24,7 @@ PATCH_SAG = 2.8  # [-] patch over strip: plate on square cups, d / L = 2 / 7, D7
 CLAMPED_SHEAR = 14.71  # [-] of pi^2 D / L^2: a clamped square buckles in shear
 MOST_AMPLIFIED = 0.9  # [-] of that load: past it, linear amplification says nothing
 CORNER = 4.0  # [-] droop of a corner over an edge: its cantilever is sqrt(2) longer
+UNITS = {"mm": 1e3, "deg": 1.0, "1/m": 1.0}  # of a report, from SI and degrees
 MIDDLE = 16  # chords of a patch's middle fiber: its length to 1e-4 of its slack
 
 
@@ -127,9 +128,9 @@ def measures(
     t_load = (pressure[..., :-1, :] + pressure[..., 1:, :]) / 2
     s_sag = clamped_sag(s_load, grid.s_length, bending)
     t_sag = clamped_sag(t_load, grid.t_length, bending)
-    strips = _around(np.maximum, s_sag, t_sag)
-    turn = _around(np.maximum, s.turn, t.turn)
-    inside = _around(np.maximum, s.shear, t.shear)
+    strips = _around(s_sag, t_sag)
+    turn = _around(s.turn, t.turn)
+    inside = _around(s.shear, t.shear)
     shear = np.maximum(inside, _patch_shear(s.chord, t.chord))
     length = max(grid.s_length, grid.t_length)
     droop = cantilever_droop(overhang, overhang, pressure, bending)
@@ -221,30 +222,25 @@ def estimates(found: Measures, grid: CupGrid) -> list[Estimate]:
     bows = [bubble_height(surplus, length) for surplus, length in pairs]
     missing = [np.maximum(-surplus, 0.0) for surplus in surpluses]
     degrees = np.rad2deg(found.shear)
+    clamped, chords = "q L^4 / (384 D), D7", "chords of patches, and of strips to cups"
     rows = [
         ("curvature", curvature, "1/m", "turn between neighboring cups over L"),
         ("fiber length missing", missing, "mm", "natural length less L, D2"),
         ("bow of slack", bows, "mm", "(2 / pi) sqrt(L e), D4"),
-        (
-            "gravity sag, strips",
-            [found.s_sag, found.t_sag],
-            "mm",
-            "q L^4 / (384 D), D7",
-        ),
-        ("gravity sag, patches", [found.sag], "mm", "2.8 q L^4 / (384 D), D7"),
+        ("gravity sag, strips", [found.s_sag, found.t_sag], "mm", clamped),
+        ("gravity sag, patches", [found.sag], "mm", f"{PATCH_SAG} {clamped}"),
         ("gravity droop, edge", [found.droop], "mm", "q l^4 / (8 D), D7"),
         ("gravity droop, corner", [found.corner_droop], "mm", "q l^4 / (2 D), D7"),
-        ("shear", [degrees], "deg", "chords of a patch, and of strips to their cups"),
+        ("shear", [degrees], "deg", chords),
         ("shear effect", [found.shear_effect], "mm", "h x / (1 - x), D7"),
         ("coupling of strips", [found.coupling], "mm", "bow of the middle fiber, D7"),
     ]
-    return [
-        Estimate(
-            name, max(1e3 ** (unit == "mm") * _largest(a) for a in arrays), unit, words
-        )
-        for name, arrays, unit, words in rows
-        if any(array.size for array in arrays)
-    ]
+    lines = []
+    for name, arrays, unit, source in rows:
+        if any(array.size for array in arrays):
+            value = max(float(np.max(array, initial=0.0)) for array in arrays)
+            lines.append(Estimate(name, value * UNITS[unit], unit, source))
+    return lines
 
 
 class _Family(NamedTuple):
@@ -325,10 +321,10 @@ def _missing_bow(curve: Array, length: float) -> Array:
     )
 
 
-def _around(join: np.ufunc, s: Array, t: Array) -> Array:
-    """Values of the four spans around each patch, joined."""
-    along_s = join(s[..., :-1, :], s[..., 1:, :])
-    return join(along_s, join(t[..., :, :-1], t[..., :, 1:]))
+def _around(s: Array, t: Array) -> Array:
+    """Largest values of the four spans around each patch."""
+    along_s = np.maximum(s[..., :-1, :], s[..., 1:, :])
+    return np.maximum(along_s, np.maximum(t[..., :, :-1], t[..., :, 1:]))
 
 
 def _unit(vectors: Array) -> Array:
@@ -336,19 +332,13 @@ def _unit(vectors: Array) -> Array:
     return vectors / np.where(size > 0, size, 1.0)
 
 
-def _largest(array: Array) -> float:
-    return float(np.max(array, initial=0.0))
-
-
 def _check(
     bending: float, areal_mass: float, overhang: float, shear_stiffness: float
 ) -> None:
     positive = {"bending": bending, "shear_stiffness": shear_stiffness}
-    for name, value in (
-        positive | {"areal_mass": areal_mass, "overhang": overhang}
-    ).items():
-        least = "more than 0" if name in positive else "0 or more"
-        if not (
-            np.isfinite(value) and (value > 0 or (value == 0 and name not in positive))
-        ):
-            raise PlyError(name, f"{value:g}", f"use {least}")
+    for name, value in positive.items():
+        if not (np.isfinite(value) and value > 0):
+            raise PlyError(name, f"{value:g}", "use more than 0")
+    for name, value in {"areal_mass": areal_mass, "overhang": overhang}.items():
+        if not (np.isfinite(value) and value >= 0):
+            raise PlyError(name, f"{value:g}", "use 0 or more")

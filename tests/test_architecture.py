@@ -19,7 +19,10 @@ HOMES = {
     "pinocchio": {"drapeplan.robot", "drapeplan.visuals"},  # kinematics; arm's meshes
     "qpsolvers": {"drapeplan.qp"},
     "osqp": {"drapeplan.qp"},
-    "trimesh": {"drapeplan.mesh", "drapeplan.visuals"},  # mold meshes; arm's meshes
+    "trimesh": {
+        *("drapeplan.mesh", "drapeplan.visuals"),  # mold meshes; arm's meshes
+        "drapeplan.scan",  # PLY scans
+    },
     "pydantic": {
         *("drapeplan.scene", "drapeplan.plan", "drapeplan.cups_file"),  # file formats
         "drapeplan.reading",  # turns pydantic's findings into one line
@@ -29,7 +32,7 @@ HOMES = {
     "umsgpack": {"viewer.objects"},  # meshcat's message format
     "typer": {"drapeplan.cli"},
     "rich": {"drapeplan.console"},
-    "matplotlib": {"drapeplan.report"},
+    "matplotlib": {"drapeplan.report", "drapeplan.report_validate"},
 }
 BY_NAME = {  # dependencies that no import shows
     "example-robot-data": "urdf.arm",  # data, found through package metadata
