@@ -109,6 +109,28 @@ def test_sheared_flat_net_shows_its_angle(angle):
     assert_allclose(found.shear_effect, 0.0, atol=1e-12)  # flat: nothing to amplify
 
 
+@pytest.mark.parametrize("reverse", [False, True])
+def test_one_cup_turned_in_its_plane(reverse):
+    """Either cup shows the shear; of both edges the one further from 70 mm counts."""
+    angle = 0.03
+    yaw = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0]]
+    )
+    yaw = np.vstack([yaw, [0, 0, 1]])
+    rotations = np.stack([yaw, np.eye(3)] if reverse else [np.eye(3), yaw])
+    grid, flat = CupGrid(1, 2, 0.11, 0.02), np.array([[0.0, 0, 0], [0.1097, 0, 0]])
+    found = measures(grid, flat, rotations, SOFT, MASS)
+    r0, r1 = flat[0] + 0.02 * rotations[0, :, 0], flat[1] - 0.02 * rotations[1, :, 0]
+    chord = (r1 - r0) / np.linalg.norm(r1 - r0)
+    lateral = abs(np.einsum("c,ncs->ns", chord, rotations)[:, 1])
+    assert_allclose(found.s_shear, np.arcsin(lateral.max()), rtol=1e-12)
+    differences = 0.02 * np.array([-1, 1]) * np.sin(angle) * (-1 if reverse else 1)
+    surplus = (
+        found.s_surplus.item()
+    )  # 0.3 mm nearer, and 0.6 mm more or less at an edge
+    assert surplus == pytest.approx(3e-4 + abs(differences[0]), abs=3e-5)
+
+
 def test_shear_effect_grows_and_stays_finite():
     angles = np.array([0.0, 0.01, 0.1, 0.2, 1.0, 1.5])
     effect = shear_effect(angles, 0.1, 0.07, TRUTH_BENDING, 300.0)
