@@ -7,6 +7,7 @@ A fiber is a polynomial in :math:`u = x / L`, given by the coefficients of
 from enum import IntEnum
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -17,7 +18,11 @@ STRAIGHT = 1e-9  # [-] length error left as it is: float64 noise at ply scale
 PARALLEL = 1e-14  # [-] |d| / L that is rounding: the bulge has no direction
 WEAK = 1e-4  # [-] |d| / L below which the bulge's direction rests on 0.05 deg of tilt
 LONGEST = 196.0  # [-] c of Eq. 22 where its two roots meet, D1
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)  # arc length to 1e-12 at 30 deg
+NODES, WEIGHTS = legendre.leggauss(12)  # arc length to 1e-12 at 30 deg
+TO_LEGENDRE = legendre.legvander(NODES, 11).T * WEIGHTS * (np.arange(12) + 0.5)[:, None]
+INTEGRALS = legendre.legint(np.eye(12), lbnd=-1)  # of Legendre series, from -1
+EVENING = 5  # [-] Newton iterations that make the speed even
+SLOW = 0.1  # [-] speed over its mean, below which Newton's steps are held back
 
 
 class FiberStatus(IntEnum):
@@ -218,3 +223,32 @@ def arc_length(coefficients: Array) -> Array:
     rates = powers((NODES + 1) / 2, last) * np.arange(1, last + 1)
     velocity = rates @ coefficients[..., 1:, :]
     return np.sqrt(dot(velocity, velocity)) @ WEIGHTS / 2
+
+
+def even_positions(coefficients: Array, u: ArrayLike) -> Array:
+    """Positions at which fibers have run the shares u of their arc length.
+
+    The speed is interpolated at Gauss nodes; its integral is solved for u by Newton's
+    method.
+
+    Args:
+        coefficients: Coefficients of u^0, u^1, ..., shape (..., count, 3), in [m].
+        u: Shares of the arc length, from 0 to 1, shape (...).
+
+    Returns:
+        Positions, from 0 to 1, shape (...).
+    """
+    last = coefficients.shape[-2] - 1
+    velocity = (powers((NODES + 1) / 2, last) * np.arange(1, last + 1)) @ coefficients[
+        ..., 1:, :
+    ]
+    speed = np.sqrt(dot(velocity, velocity)) @ TO_LEGENDRE.T
+    run = speed @ INTEGRALS.T  # Legendre series of the arc length over 2 u - 1
+    whole = np.maximum(2 * speed[..., 0], np.finfo(float).tiny)
+    place = np.array(np.broadcast_to(np.asarray(u, dtype=float), whole.shape))
+    for _ in range(EVENING):
+        values: Array = legendre.legvander(2 * place - 1, len(NODES))
+        rate = dot(values[..., :-1], speed) / whole * 2
+        missing = dot(values, run) / whole - u
+        place = np.clip(place - missing / np.maximum(rate, SLOW), 0, 1)
+    return place

@@ -12,7 +12,7 @@ is least, under Eq. 19, where each mode's share of the curve is
           \sum_k |y_k|^2 = R,
 
 with :math:`g_k` the share of the cubic, :math:`\mu` the axial force and :math:`R` the
-length that is left for bending: one equation in one number, docs/derivations.md, D7.
+length that is left for bending: one equation in one number, docs/derivations.md, D13.
 With one mode it is Eq. 22. A fiber whose cups are parallel buckles: :math:`\mu =
 -\lambda_1`, and the caller says to which side.
 """
@@ -70,7 +70,7 @@ def modal_fibers(
     softness: float = 0.0,
     ribbon: bool = True,
 ) -> ModalFibers:
-    """Curves of given length and least bending energy between two cups (D7).
+    """Curves of given length and least bending energy between two cups (D13).
 
     Args:
         r0: First ends, shape (..., 3), in [m].
@@ -124,8 +124,8 @@ def modal_fibers(
         [FiberStatus.OVERSTRETCHED, FiberStatus.TAUT, FiberStatus.WEAK_DIRECTION],
         FiberStatus.MET,
     )
-    bulge = np.where(straight, 0, way * bulge)
-    return ModalFibers(np.swapaxes(a, -1, -2), status, bulge, force)
+    taken: Statuses = np.where(straight, 0, way * bulge)
+    return ModalFibers(np.swapaxes(a, -1, -2), status, taken, force)
 
 
 class _Cubic(NamedTuple):
@@ -180,12 +180,12 @@ def _equation(
     room = (basis.areas**2).sum() * turned + 9 * (basis.tilts**2).sum() * skewed - gamma
     rest = np.empty((len(basis.loads) - 1, *gamma.shape))
     skewed = dot(cubic.skew_kept, cubic.skew_kept)
-    for k, row in enumerate(rest, start=1):
+    for k in range(1, len(basis.loads)):
         if basis.tilts[k]:
-            row[...] = (3 * basis.loads[k] * basis.tilts[k]) ** 2 * skewed
+            rest[k - 1] = (3 * basis.loads[k] * basis.tilts[k]) ** 2 * skewed
         else:
             turn = basis.loads[k] * cubic.turn_kept + lift
-            row[...] = basis.areas[k] ** 2 * dot(turn, turn)
+            rest[k - 1] = basis.areas[k] ** 2 * dot(turn, turn)
     gaps = basis.loads[1:] - basis.loads[0]
     first, room = (basis.loads[0] * lean) ** 2, room - softness * basis.loads[0]
     flat = gaps.reshape(-1, *[1] * gamma.ndim)
@@ -205,7 +205,7 @@ def _direction(vectors: Array, otherwise: Array) -> Array:
 
 def _choose(
     equation: Secular, lean: Array, wanted: Array, ribbon: bool
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Statuses]:
     """Root, share of the first mode and its sign, on the wanted side if it exists."""
     shape = lean.shape
     flat = Secular(

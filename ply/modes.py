@@ -1,4 +1,4 @@
-"""Bending modes of a clamped fiber: what the modal model adds to the cubic (D7)."""
+"""Bending modes of a clamped fiber: what the modal model adds to the cubic (D13)."""
 
 from dataclasses import dataclass
 from functools import cache

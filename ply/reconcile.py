@@ -3,7 +3,7 @@ r"""Cup poses reconciled with the lengths of the fibers, within their own uncert
 Noise of a quarter of a millimeter in the poses reads as slack, and slack bows out:
 0.25 mm in 70 mm makes 2.7 mm. So before any length is corrected, the poses move as
 little as possible, weighted by their uncertainty, until the cups ask each fiber for its
-length: less what slack the ply has as a whole, and what no noise explains. D9.
+length: less what slack the ply has as a whole, and what no noise explains. D15.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-r"""The secular equation of a fiber: the axial force that gives it its length (D8).
+r"""The secular equation of a fiber: the axial force that gives it its length (D14).
 
 With :math:`x = \lambda_1 + \mu`, the distance of the axial force from buckling,
 
