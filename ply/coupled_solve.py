@@ -17,7 +17,8 @@ from ply.fiber import Array, Statuses, dot
 
 Bools = NDArray[np.bool_]
 
-TOLERANCE = 1e-5  # [m] largest move of the last step; the error is its square
+TOLERANCE = 2e-5  # [m] largest move of the last step, which leaves about 1e-6 m
+AT_REST = 2e-8  # [m] the same of a step with bending added, which is a short one
 LONGEST_STEP = 0.01  # [m] largest move of one step: linearization of a 70 mm span
 MAX_ITERATIONS = 40  # [-] steps; 2 to 12 are usual
 FIRST_AID, MORE_AID = 0.3, 2.5  # [-] share of bending first added, and its growth
@@ -67,13 +68,16 @@ def newton(
     for iteration in range(1, MAX_ITERATIONS + 1):
         step, moved, aid, foreseen = _step(body, q[live], cups[live], foreseen)
         q[live] += step
-        done = (moved < TOLERANCE) | (aid > MOST_AID)
         found = np.select(
-            [aid == 0, aid <= MOST_AID],
-            [CoupledStatus.CONVERGED, CoupledStatus.UNSTABLE],
-            CoupledStatus.NOT_CONVERGED,
+            [(moved > TOLERANCE) | (aid > MOST_AID), aid > 0],
+            [CoupledStatus.NOT_CONVERGED, CoupledStatus.UNSTABLE],
+            CoupledStatus.CONVERGED,
         )
-        status[live[done]], iterations[live[done]] = found[done], iteration
+        status[live] = found
+        # the first tangent has the stresses of the start: no word on stability
+        settled = (moved < np.where(aid > 0, AT_REST, TOLERANCE)) & (iteration > 1)
+        done = settled | (aid > MOST_AID)
+        iterations[live[done]] = iteration
         live, foreseen = live[~done], [e[~done] for e in foreseen]
         if not len(live):
             break
