@@ -3,7 +3,7 @@ r"""How points of the ply move with the cups: analytic derivatives by their pose
 A cup is moved by a twist: a translation of its face center and a rotation vector about
 it, both along the world's axes. A point depends on the cups around it alone, at most
 four. Points are linear in the parts of their fibers, so a derivative is a row of the
-surface's constant weights times the rates of these parts; docs/derivations.md, D13.
+surface's constant weights times the rates of these parts; docs/derivations.md, D16.
 """
 
 from typing import NamedTuple
@@ -260,7 +260,10 @@ def _add(
 
 def _turns(vectors: Array) -> Array:
     """Cross products of the axes with vectors, shape (..., 3) to (..., 3, 3)."""
-    return np.cross(np.eye(3), vectors[..., None, :])
+    out = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i, j], out[..., j, i] = -vectors[..., k], vectors[..., k]
+    return out
 
 
 def _check(

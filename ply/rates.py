@@ -3,7 +3,7 @@ r"""How the curves of fibers change with the ends that their cups give them.
 A fiber is made of parts, each a vector times a polynomial of u: its first end, its
 chord, both end slopes, and the bulge or the bending modes. The rates of the parts along
 D directions follow from those of the ends; where a length is asked for, by implicit
-differentiation of Eq. 22 or of the secular equation, docs/derivations.md, D13.
+differentiation of Eq. 22 or of the secular equation, docs/derivations.md, D16.
 """
 
 from typing import NamedTuple
@@ -189,11 +189,11 @@ def _shapes(ends: Ends, rates: EndRates) -> tuple[_Shape, _Shape]:
     total, dtotal = dr0 + dr1, rates.dr0 + rates.dr1
     turn, dturn = dr0 - dr1, rates.dr0 - rates.dr1
     skew, dskew = total - 2 * h, dtotal - 2 * dh
-    across = np.cross(normal, total)
-    dacross = np.cross(rates.normal, total) + np.cross(normal, dtotal)
+    across = _cross(normal, total)
+    dacross = _cross(rates.normal, total) + _cross(normal, dtotal)
     sideways, dsideways = _unit_rates(across, dacross)
-    dup = np.cross(dtotal, sideways) + np.cross(total, dsideways)
-    up, dup = _unit_rates(np.cross(total, sideways), dup)
+    dup = _cross(dtotal, sideways) + _cross(total, dsideways)
+    up, dup = _unit_rates(_cross(total, sideways), dup)
 
     def kept(vector: Array, rate: Array) -> tuple[Array, Array]:
         part = dot(vector, sideways)[..., None]
@@ -204,6 +204,14 @@ def _shapes(ends: Ends, rates: EndRates) -> tuple[_Shape, _Shape]:
     skew_kept, dskew_kept = kept(skew, dskew)
     here = _Shape(turn, skew, turn_kept, skew_kept, up)
     return here, _Shape(dturn, dskew, dturn_kept, dskew_kept, dup)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products, shape (..., 3): np.cross spends its time on its arguments."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return out
 
 
 def _unit_rates(vector: Array, rate: Array) -> tuple[Array, Array]:
