@@ -243,12 +243,12 @@ def even_positions(coefficients: Array, u: ArrayLike) -> Array:
         ..., 1:, :
     ]
     speed = np.sqrt(dot(velocity, velocity)) @ TO_LEGENDRE.T
-    run = speed @ INTEGRALS.T  # Legendre series of the arc length over 2 u - 1
+    run: Array = speed @ INTEGRALS.T  # Legendre series of the arc length over 2 u - 1
     whole = np.maximum(2 * speed[..., 0], np.finfo(float).tiny)
     place = np.array(np.broadcast_to(np.asarray(u, dtype=float), whole.shape))
     for _ in range(EVENING):
         values: Array = legendre.legvander(2 * place - 1, len(NODES))
-        rate = dot(values[..., :-1], speed) / whole * 2
-        missing = dot(values, run) / whole - u
+        rate = 2 * np.vecdot(values[..., :-1], speed) / whole
+        missing = np.vecdot(values, run) / whole - u
         place = np.clip(place - missing / np.maximum(rate, SLOW), 0, 1)
     return place

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial import Polynomial, legendre
 
 from ply.fiber import Array
 
@@ -43,24 +43,23 @@ def bending_modes(count: int) -> Modes:
     Returns:
         The modes, by ascending load.
     """
-    shape = Polynomial([0, 0, 1, -2, 1])  # u^2 (1 - u)^2
-    basis = [shape * Polynomial([-1, 2]) ** j for j in range(count)]
-
-    def products(order: int) -> Array:
-        rates = [one.deriv(order) for one in basis]
-        return np.array([[(a * b).integ()(1.0) for b in rates] for a in rates])
-
-    root = np.linalg.inv(np.linalg.cholesky(products(1)))
-    loads, vectors = np.linalg.eigh(root @ products(2) @ root.T)
+    orders = np.arange(2, count + 2)  # of the Legendre polynomials phi'' over 2 u - 1
+    second = np.zeros((count + 2, count))
+    second[orders, orders - 2] = 1
+    slopes = legendre.legint(second, lbnd=-1)
+    squares = 2 / (2 * np.arange(count + 3) + 1)
+    root = np.linalg.inv(np.linalg.cholesky(2 * (slopes.T * squares) @ slopes))
+    loads, vectors = np.linalg.eigh((root * (16 / (2 * orders + 1))) @ root.T)
     shares = vectors.T @ root
-    shares[abs(shares) < 1e-9 * abs(shares).max()] = 0  # parity, exactly
-    shares *= np.sign(shares.sum(axis=1))[:, None]  # > 0 just before the second end
-    modes = [sum(a * one for a, one in zip(row, basis, strict=True)) for row in shares]
     odd = np.arange(count) % 2 == 1
-    areas = np.array([one.integ()(1.0) for one in modes])
-    tilts = np.array([(one * Polynomial([-1, 2])).integ()(1.0) for one in modes])
+    shares[odd[:, None] != odd] = 0  # rounding: even and odd modes alternate
+    lead = shares[np.arange(count), odd.astype(int)]
+    shares *= np.sign(lead)[:, None]  # areas of even modes, tilts of odd ones above 0
+    curves = legendre.legint(slopes, lbnd=-1) @ shares.T
     powers = np.zeros((count + 4, count + 4))
     powers[:4, :4] = CUBIC
-    for row, one in zip(powers[4:], modes, strict=True):
-        row[2 : len(one.coef)] = one.coef[2:]
-    return Modes(loads, np.where(odd, 0, areas), np.where(odd, tilts, 0), powers)
+    for row, series in zip(powers[4:], curves.T, strict=True):
+        in_u = Polynomial(legendre.leg2poly(series))(Polynomial([-1, 2]))
+        row[2 : len(in_u.coef)] = in_u.coef[2:]
+    areas, tilts = np.where(odd, 0, curves[0]), np.where(odd, curves[1] / 3, 0)
+    return Modes(loads, areas, tilts, powers)

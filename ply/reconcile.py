@@ -15,7 +15,8 @@ from ply.fiber import Array, dot, natural_length
 from ply.grid import CupGrid
 
 ITERATIONS = 4  # [-] of Gauss and Newton: the lengths settle to 1e-9 m
-EXPLAINED = 2.0  # [-] standard deviations that count as noise
+COMMON = 2.0  # [-] standard deviations of the common slack that count as noise
+SINGLE = 3.0  # [-] and of single fibers, since a ply has many
 LENGTH_SIGMA = 50e-6  # [m] by which lengths of fibers differ, or models of them
 
 
@@ -104,9 +105,9 @@ def _target(excess: Array, C: Array) -> tuple[Array, Array]:
     weights = np.linalg.solve(C, ones)[..., 0]
     precision = weights.sum(axis=-1)
     common = (weights * excess).sum(axis=-1) / precision
-    common = np.where(abs(common) * np.sqrt(precision) > EXPLAINED, common, 0.0)
+    common = np.where(abs(common) * np.sqrt(precision) > COMMON, common, 0.0)
     apart = excess - common[..., None]
-    noise = EXPLAINED * np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+    noise = SINGLE * np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
     kept = np.sign(apart) * np.maximum(abs(apart) - noise, 0.0)
     return common[..., None] + kept, -common
 
@@ -123,11 +124,12 @@ def _excess(grid: CupGrid, p: Array, frames: Array) -> tuple[Array, Array]:
         (0, grid.neighbors[:first_t], grid.s_length),
         (1, grid.neighbors[first_t:], grid.t_length),
     ):
+        tangents, laterals = frames[..., along], frames[..., 1 - along]
         for lateral in (-half, half):
             a, b = pairs.T
-            dr0, dr1 = frames[..., a, :, along], frames[..., b, :, along]
-            arm0 = half * dr0 + lateral * frames[..., a, :, 1 - along]
-            arm1 = -half * dr1 + lateral * frames[..., b, :, 1 - along]
+            dr0, dr1 = tangents[..., a, :], tangents[..., b, :]
+            arm0 = half * dr0 + lateral * laterals[..., a, :]
+            arm1 = -half * dr1 + lateral * laterals[..., b, :]
             chord = p[..., b, :] + arm1 - p[..., a, :] - arm0
             N = natural_length(0 * chord, chord, dr0, dr1)
             by_chord, by_sum, by_cosine = _natural_rates(chord, dr0, dr1, N)

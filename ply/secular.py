@@ -21,6 +21,7 @@ from ply.fiber import Array
 ITERATIONS = 6  # [-] of each Newton iteration; the tests count the digits
 TINY = 1e-60  # [-] stands for a vanishing share: its root is 0 to rounding
 FLOOR = 1e-200  # [-] keeps logarithms finite, far below all that TINY leads to
+HALVINGS = 20  # [-] iterations for the other side, whose two roots may nearly meet
 FAR = 10.0  # [-] longest step of a logarithm towards the other side
 FOUND = 1e-9  # [-] error of the logarithm below which a root counts as found
 
@@ -90,7 +91,7 @@ def other_side(equation: Secular) -> tuple[Array, Array, NDArray[np.bool_]]:
     w = np.maximum(equation.first, TINY)
     limit = 0.999 * equation.gaps.min(initial=np.inf)
     e, error, steep = np.sqrt(w / spare), np.zeros_like(w), np.ones_like(w)
-    for _ in range(ITERATIONS):
+    for _ in range(HALVINGS):
         e = np.minimum(e, limit)
         p, dp = _room_left(equation, equation.gaps, spare, -e)
         exists &= p > 0

@@ -76,12 +76,13 @@ def bending_energy(
     s, t = (_lines(grid, cups) for cups in (grid.columns, grid.rows))
     points = PlySampling(grid, s, t).points(fibers, positions, rotations)
     ds, dt = s[1] - s[0], t[1] - t[0]
-    bends = [
-        np.diff(points, 2, axis=-2) / ds**2,
-        np.diff(points, 2, axis=-3) / dt**2,
-        np.sqrt(2) * np.diff(np.diff(points, axis=-2), axis=-3) / (ds * dt),
-    ]
-    return sum((bend**2).sum(axis=(-1, -2, -3)) for bend in bends) * ds * dt / 2
+    along_s = (np.diff(points, 2, axis=-2) ** 2).sum(axis=(-1, -2)) / ds**4
+    along_t = (np.diff(points, 2, axis=-3) ** 2).sum(axis=(-1, -3)) / dt**4
+    twist = np.diff(np.diff(points, axis=-2), axis=-3) / (ds * dt)
+    total = 2 * (twist**2).sum(axis=(-1, -2, -3))
+    for bends in (along_s, along_t):
+        total += bends.sum(axis=-1) - (bends[..., 0] + bends[..., -1]) / 2
+    return total * ds * dt / 2
 
 
 def _weighed(

@@ -28,6 +28,7 @@ from ply.modal import modal_fibers
 
 MODELS = ("quartic", "cubic", "modal")
 MODES = 3  # [-] bending modes of "modal": a fourth moves planar fibers by < 0.05 mm
+MOST_MODES = 8  # [-] powers of u beyond lose digits
 ORTHONORMAL = 1e-3  # [-] of R'R: rotations as files print them stay below
 MEET = 1e-3  # [-] chord over length below which facing edges coincide
 
@@ -148,6 +149,7 @@ def ply_fibers(
             fit the grid, or a number is not finite.
     """
     _check(grid, positions, rotations, model, take_up)
+    _check_modal(grid, across, modes, sides)
     load, slope = _loads(gravity, stiffness, softness)
     batch = np.shape(positions)[:-2]
     p = np.reshape(positions, (*batch, grid.rows, grid.columns, 3))
@@ -286,6 +288,23 @@ def _loads(
     if load is not None and not (load.shape == (3,) and np.isfinite(load).all()):
         raise PlyError("gravity", "is not three finite numbers")
     return load, 2 * softness * stiffness
+
+
+def _check_modal(
+    grid: CupGrid,
+    across: int | None,
+    modes: int,
+    sides: tuple[ArrayLike, ArrayLike] | None,
+) -> None:
+    if across not in (None, 2, 3):
+        raise PlyError("across", f"{across} fibers a strip", "use 2 or 3")
+    if not 1 <= modes <= MOST_MODES:
+        raise PlyError("modes", f"{modes}", f"use 1 to {MOST_MODES}")
+    shapes = (grid.rows, grid.columns - 1), (grid.rows - 1, grid.columns)
+    for side, shape in zip(sides or (), shapes, strict=False):
+        if np.shape(side)[-2:] not in (shape, ()):
+            problem = f"shape {np.shape(side)} does not end in {shape}"
+            raise PlyError("sides", problem, "give one for each strip")
 
 
 def _check(

@@ -346,3 +346,71 @@ def test_bad_input_is_refused_by_name(argument, call):
     with pytest.raises(PlyError) as caught:
         call()
     assert caught.value.argument == argument
+
+
+@pytest.mark.parametrize("settings", [{}, {"across": 2}, {"modes": 2}])
+def test_modal_surfaces_of_both_ways_agree(settings):
+    positions, frames = poses(UNEVEN, 3, batch=(11,))
+    fibers = ply_fibers(UNEVEN, positions, frames, model="modal", **settings)
+    sampling = PlySampling(
+        UNEVEN, np.linspace(-0.03, 0.13, 13), np.linspace(-0.03, 0.23, 17)
+    )
+    points = sampling.points(fibers, positions, frames)
+    scattered = sampling.points_st.reshape(-1, 2)
+    expected = evaluate(UNEVEN, fibers, positions, frames, scattered)
+    assert_allclose(points.reshape(expected.shape), expected, rtol=0, atol=ROUNDING)
+
+
+def test_three_fibers_keep_the_surface_smooth():
+    grid = CupGrid(3, 3, 0.11, 0.02)
+    positions, frames = poses(grid, 3)
+    fibers = ply_fibers(grid, positions, frames, model="modal")
+    s, t, corner = edges(grid)
+
+    def surface(offset):
+        points_st = np.stack([s + offset, t], axis=-1)
+        return evaluate(grid, fibers, positions, frames, points_st)
+
+    step = np.linalg.norm(surface(2e-9) - surface(-2e-9), axis=-1)
+    assert step[corner > 0.04].max() < 5e-9
+    h = 2e-6
+    before = (surface(-h) - surface(-2 * h)) / h
+    after = (surface(2 * h) - surface(h)) / h
+    assert np.linalg.norm(after - before, axis=-1)[corner > 0.04].max() < KINK
+
+
+def test_faulty_cups_are_named_with_a_number():
+    positions, frames = poses(GRID, 1)
+    frames[0] *= 1.01
+    positions[2] = positions[1] + 0.04 * frames[1][:, 0]
+    frames[2] = frames[1]
+    frames[10] = frames[10] * [1, -1, -1]
+    for model in ("modal", "quartic", "cubic"):
+        fibers = ply_fibers(GRID, positions, frames, model=model)
+        assert np.isfinite(fibers.s).all()
+        assert np.isfinite(fibers.s_excess).all()
+        assert (fibers.s_status[0, 0] == FiberStatus.SKEWED).all()
+        assert_allclose(fibers.s_excess[0, 0], 0.0201, rtol=1e-3)
+        assert (fibers.s_status[0, 1] == FiberStatus.COINCIDENT).all()
+        assert (fibers.s_excess[0, 1] < 1e-9).all()
+        assert (fibers.t_status[1, 2] == FiberStatus.INVERTED).all()
+        assert (fibers.t_excess[1, 2] < 0).all()
+
+
+@pytest.mark.parametrize(
+    ("argument", "settings"),
+    [
+        ("stiffness", {"gravity": (0, 0, -3.0)}),
+        ("stiffness", {"softness": 1e-6}),
+        ("softness", {"softness": -1.0}),
+        ("gravity", {"gravity": (0, -3.0), "stiffness": 5e-3}),
+        ("across", {"across": 4}),
+        ("modes", {"modes": 0}),
+        ("sides", {"sides": (np.ones((2, 2)), np.ones((2, 4)))}),
+    ],
+)
+def test_bad_settings_are_refused_by_name(argument, settings):
+    positions, frames = poses(GRID, 0)
+    with pytest.raises(PlyError) as caught:
+        ply_fibers(GRID, positions, frames, model="modal", **settings)
+    assert caught.value.argument == argument
