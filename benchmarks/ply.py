@@ -11,7 +11,7 @@ from ply.shape import PlySampling, ply_fibers
 
 GRID = CupGrid(rows=8, columns=6, pitch=0.11, half_width=0.02)
 STEP, OVERHANG, TAKE_UP = 0.01, 0.02, 0.8e-3  # [m] as in the default scene
-BATCHES = (1, 32)
+BATCHES = (1, 64)
 FIBERS = 10_000
 
 
@@ -23,10 +23,16 @@ def run(quick: bool) -> dict:
     for batch in BATCHES:
         cups = poses(batch)
         fibers = ply_fibers(GRID, *cups)
+        modal = ply_fibers(GRID, *cups, model="modal")
         tasks: dict[str, Callable[[], object]] = {
             "quartic_fibers": lambda cups=cups: ply_fibers(GRID, *cups),
+            "modal_fibers": lambda cups=cups: ply_fibers(GRID, *cups, model="modal"),
             "banded_fibers": lambda cups=cups: ply_fibers(GRID, *cups, take_up=TAKE_UP),
             "points": lambda cups=cups, fibers=fibers: sampling.points(fibers, *cups),
+            "modal_points": lambda cups=cups, modal=modal: sampling.points(
+                modal, *cups
+            ),
+            "modal_gemm": products(batch),
         }
         times = {
             name: 1e3 * median_time(task, 1 + repeats // batch) / batch
@@ -36,9 +42,31 @@ def run(quick: bool) -> dict:
             result[f"batch_{batch}_{name}_ms_per_pose"] = milliseconds
         whole = times["quartic_fibers"] + times["points"]
         result[f"batch_{batch}_whole_ply_ms_per_pose"] = whole
+        whole = times["modal_fibers"] + times["modal_points"]
+        result[f"batch_{batch}_whole_ply_modal_ms_per_pose"] = whole
+        ratio = whole / times["modal_gemm"]
+        result[f"batch_{batch}_whole_ply_modal_over_gemm"] = ratio
     ends = fiber_ends(FIBERS)
     seconds = median_time(lambda: quartic_fibers(*ends, GRID.s_length), repeats // 5)
     return result | {"quartic_fibers_per_second": FIBERS / seconds}
+
+
+def products(batch: int) -> Callable[[], object]:
+    """One bare product with the operations of those that make the modal surface.
+
+    Per pose and coordinate: curves of 3 fibers with 7 terms, in rows and columns, at
+    all lines, and their weighted sums at all points.
+    """
+    sampling = PlySampling.regular(GRID, STEP, OVERHANG)
+    n_s, n_t = sampling.s.size, sampling.t.size
+    along_s = 3 * GRID.rows * (7 * (GRID.columns - 1) + 2 * GRID.columns) * n_s
+    along_t = 3 * GRID.columns * 7 * (GRID.rows - 1) * n_t
+    sums = n_s * n_t * 3 * (GRID.rows + GRID.columns)
+    inner = 42  # as the products have: 18 to 49
+    constant = np.random.default_rng(0).normal(size=(inner, n_s))
+    rows = 3 * batch * (along_s + along_t + sums) // (inner * n_s)
+    terms = np.random.default_rng(1).normal(size=(rows, inner))
+    return lambda: terms @ constant
 
 
 def poses(batch: int) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ import csv
 import os
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from drapeplan.cups_file import MM, Cups, read_cups
 from drapeplan.errors import InputError
 from ply.errors import PlyError
 from ply.fiber import FiberStatus, LengthStatus, bubble_height
+from ply.reconcile import reconcile
 from ply.shape import MODELS, PlyFibers, PlySampling, evaluate, ply_fibers
 
 __all__ = ["Cups", "read_cups", "shape_report", "shape_table", "write_csv"]
@@ -24,6 +26,11 @@ POINTS_HEADER = ("s_mm", "t_mm")
 HEADER = (*POINTS_HEADER, "x_mm", "y_mm", "z_mm")
 STEP = 0.01  # [m] between the lines of the regular grid
 SOUND = (FiberStatus.MET, FiberStatus.NOT_ASKED)
+FAULTS = {
+    FiberStatus.COINCIDENT: "the edges of its cups meet",
+    FiberStatus.INVERTED: "a cup faces away, or its neighbor lies behind it",
+    FiberStatus.SKEWED: "a cup's rotation is off by more than 0.001",
+}
 
 
 def shape_table(
@@ -37,7 +44,7 @@ def shape_table(
     Args:
         cups: The cups that hold the ply. With a take-up, fibers have their natural
             length inside its band.
-        model: "quartic" or "cubic".
+        model: "quartic", "cubic" or "modal".
         points_path: CSV file of material points with the columns s_mm and t_mm, or None
             for a regular grid over cups and spans, t in the outer loop.
         step: Distance between the lines of the regular grid, in [m].
@@ -49,7 +56,7 @@ def shape_table(
         InputError: The model does not exist, the points file is unreadable or asks for
             points off the ply, or the step does not divide cups and spans.
     """
-    fibers = _fibers(cups, model)
+    cups, fibers = _held(cups, model)
     if points_path is None:
         points_st, points = _regular(cups, fibers, step)
         return np.column_stack([points_st, points]) / MM
@@ -63,7 +70,7 @@ def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
 
     Args:
         cups: The cups that hold the ply.
-        model: "quartic" or "cubic".
+        model: "quartic", "cubic" or "modal".
 
     Returns:
         The model, the number of fibers, counts by FiberStatus and (with a take-up) by
@@ -73,7 +80,7 @@ def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
     Raises:
         InputError: The model does not exist.
     """
-    fibers = _fibers(cups, model)
+    cups, fibers = _held(cups, model)
     status = np.concatenate([fibers.s_status.ravel(), fibers.t_status.ravel()])
     band = np.concatenate([fibers.s_band.ravel(), fibers.t_band.ravel()])
     report: dict[str, Any] = {
@@ -118,14 +125,23 @@ def write_csv(path: str | Path, rows: Array) -> None:
         raise InputError(str(path), "", problem, "check the folder") from None
 
 
-def _fibers(cups: Cups, model: str) -> PlyFibers:
+def _held(cups: Cups, model: str) -> tuple[Cups, PlyFibers]:
+    """Cups and fibers; poses with a stated uncertainty give way to modal fibers."""
     if model not in MODELS:
         problem = f"there is no model {model!r} yet"
         raise InputError("--model", "", problem, f"choose from {', '.join(MODELS)}")
-    take_up = cups.take_up if cups.take_up > 0 else None
-    return ply_fibers(
-        cups.grid, cups.positions, cups.rotations, model=model, take_up=take_up
+    take_up = cups.take_up
+    if model == "modal" and (cups.pose_sigma > 0 or cups.pose_sigma_angle > 0):
+        poses = cups.positions, cups.rotations
+        found = reconcile(cups.grid, *poses, cups.pose_sigma, cups.pose_sigma_angle)
+        cups = replace(cups, positions=found.positions, rotations=found.rotations)
+        take_up = max(take_up, found.take_up)
+    fibers = ply_fibers(
+        *(cups.grid, cups.positions, cups.rotations),
+        model=model,
+        take_up=take_up if take_up > 0 else None,
     )
+    return cups, fibers
 
 
 def _regular(cups: Cups, fibers: PlyFibers, step: float) -> tuple[Array, Array]:
@@ -198,12 +214,15 @@ def _failing(cups: Cups, fibers: PlyFibers) -> Iterator[dict[str, Any]]:
             cells = f"row {i}, columns {j}-{j + 1}"
             if family == "t":
                 cells = f"column {j}, rows {i}-{i + 1}"
-            name = f"{family} fiber ({cells}), lateral {(2 * side - 1) * half:+g} mm"
+            lateral = (2 * side / (statuses.shape[-1] - 1) - 1) * half
+            name = f"{family} fiber ({cells}), lateral {lateral:+g} mm"
             chord = float(np.linalg.norm(curves[place][1:].sum(axis=0)))
             status = FiberStatus(statuses[place])
             label, excess, words = _verdict(
                 status, length, chord, float(naturals[place]), cups.take_up
             )
+            if status in FAULTS:
+                label, words = status.name.lower(), FAULTS[status]
             yield {
                 "fiber": name,
                 "status": label,
@@ -228,8 +247,8 @@ def _verdict(
         if excess < 0:
             words = f"{-excess / MM:.2g} mm of slack, more than its take-up: {bow}"
         return ("too_short" if excess > 0 else "slack"), excess, words
-    if status == FiberStatus.TOO_LONG:
-        return "too_long", excess, f"too long by {excess / MM:.2g} mm"
+    if status in (FiberStatus.TOO_LONG, FiberStatus.TAUT):
+        return status.name.lower(), excess, f"too long by {excess / MM:.2g} mm"
     words = f"{-excess / MM:.2g} mm of slack: {bow}, to a side that "
     if status == FiberStatus.NO_DIRECTION:
         return "no_direction", excess, words + "parallel cups leave open"

@@ -54,7 +54,7 @@ class Elastica(NamedTuple):
     status: NDArray[np.int64]
 
     def points(self, u: ArrayLike) -> Array:
-        """Points at material positions u from 0 to 1, shape (..., len(u), 2), in [m]."""
+        """Points at positions u from 0 to 1, shape (n,) to (..., n, 2), in [m]."""
         u = np.asarray(u, dtype=float)
         inner = u[:, None] * (NODES + 1) - 1  # v on [0, u] of each position
         angle = self.angles @ legendre.legvander(inner, ORDER).reshape(-1, COUNT).T

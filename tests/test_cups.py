@@ -309,3 +309,24 @@ def test_a_table_that_cannot_be_written_leaves_nothing(tmp_path):
         with pytest.raises(InputError, match="cannot be written"):
             write_csv(path, np.zeros((1, 5)))
     assert [file.name for file in tmp_path.iterdir()] == ["taken"]
+
+
+def test_modal_shape_of_uncertain_poses_follows_reconciled_ones(write):
+    """0.2 mm of spacing error bows 2.4 mm without a stated uncertainty, 0 with one."""
+    shift = put("cups", 1, "position_mm", [109.8, 0, 0])
+    tables = [
+        shape_table(read_cups(write(shift, *more)), "modal")
+        for more in ((), (put("pose_sigma_mm", 0.25), put("pose_sigma_deg", 0.25)))
+    ]
+    bows = [abs(table[:, 4]).max() for table in tables]
+    assert bows[0] > 2
+    assert bows[1] < 0.3
+
+
+def test_modal_report_names_the_middle_fiber_of_a_strip(write):
+    stretch = put("cups", 1, "position_mm", [113, 0, 0])
+    report = shape_report(read_cups(write(stretch)), "modal")
+    assert report["fibers"] == 21
+    laterals = [one["fiber"].rsplit("lateral ")[1] for one in report["failing"]]
+    assert laterals[:3] == ["-20 mm", "+0 mm", "+20 mm"]
+    assert {one["status"] for one in report["failing"][:3]} == {"overstretched"}
