@@ -9,7 +9,9 @@ from ply.coupled_array import coupled_points
 from ply.coupled_basis import AxisBasis
 from ply.coupled_body import tangent
 from ply.coupled_choice import coupled_alternatives
+from ply.coupled_energy import strain_changes, strains, tangents
 from ply.coupled_solve import TOLERANCE, newton
+from ply.coupled_start import STRIP_CUPS, cup_rows, patch_start
 from ply.errors import PlyError
 from ply.grid import CupGrid, Region
 
@@ -102,6 +104,81 @@ def test_forces_and_stiffness_against_differences_of_the_energy(region):
         difference = (getattr(ends[1], force) - getattr(ends[0], force)) / (2 * h)
         expected = difference.mT.reshape(found.shape)
         assert_allclose(found, expected, atol=SLOPE * abs(found).max(initial=1))
+
+
+def test_strain_changes_against_differences():
+    rng = np.random.default_rng(15)
+    piece = MODEL.body(Region.PATCH).core
+    q, direction = 1e-3 * rng.normal(size=(2, piece.ds.shape[-1], 3))
+    cups = MODEL.solve(*disturbed(3)).cups
+    found = strain_changes(piece, *tangents(piece, q, cups), direction)
+    h = 1e-4
+    ends = [strains(*tangents(piece, q + k * h * direction, cups)) for k in (-1, 1)]
+    assert_allclose(found, (ends[1] - ends[0]) / (2 * h), atol=SLOPE * abs(found).max())
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "factor", "steps"),
+    [("bending", 1, [(2, 0), (0, 2)]), ("torsion", 4, [(1, 1)])],
+)
+def test_bending_and_torsion_by_another_quadrature(stiffness, factor, steps):
+    """Stiffness times half of the squared second derivatives, by the midpoint rule."""
+    patch = MODEL.solve(*disturbed(16))
+    q, cups = patch.coefficients[None], patch.cups[None]
+    own = getattr(MODEL, stiffness)
+    doubled = CoupledModel(GRID, **{stiffness: 2 * own})
+    added = doubled.body(Region.PATCH).energy(q, cups) - MODEL.body(
+        Region.PATCH
+    ).energy(q, cups)
+    x = -0.02 + 0.15 * (np.arange(300) + 0.5) / 300
+    s, t = np.repeat(x, 300), np.tile(x, 300)
+    total = 0.0
+    for step in steps:
+        free, frames = MODEL.basis.rows(MODEL.basis.functions, s, t, *step)
+        total += ((free @ q[0] + frames @ cups[0]) ** 2).sum()
+    expected = own / 2 * factor * total * (0.15 / 300) ** 2
+    assert added[0] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("strip", range(4))
+def test_start_has_the_length_of_its_fibers_on_the_side_asked(strip):
+    positions, rotations = disturbed(17, 0.1, 0.01)
+    own = STRIP_CUPS[strip]
+    heights, bulges = [], []
+    for side in (1, -1, 0):
+        q = patch_start(MODEL.basis, positions, rotations, np.full(4, side))
+        rows = cup_rows(positions, rotations)
+        nodes, weights = np.polynomial.legendre.leggauss(6)
+        along = 0.055 + 0.035 * nodes
+        normal = rotations[own, :, 2].sum(0)
+        center = positions[own].mean(0)
+        height = 0.0
+        for across in (-0.02, 0.02):
+            fixed = np.full(6, across + 0.11 * (strip % 2))
+            st_, steps = (
+                ((along, fixed), (1, 0)) if strip < 2 else ((fixed, along), (0, 1))
+            )
+            free, frames = MODEL.basis.rows(MODEL.basis.functions, *st_, *steps)
+            speed = ((free @ q + frames @ rows) ** 2).sum(-1)
+            assert weights @ speed / 2 == pytest.approx(1, abs=1e-12)
+            free, frames = MODEL.basis.rows(MODEL.basis.functions, *st_)
+            height += weights @ ((free @ q + frames @ rows - center) @ normal)
+        heights.append(height)
+        bulges.append(np.linalg.norm(q[20 * strip : 20 * strip + 20]))
+    assert heights[1] < heights[0]
+    assert bulges[2] == min(bulges)
+
+
+@pytest.mark.parametrize("region", [Region.PATCH, Region.S_STRIP])
+def test_least_bending_follows_a_rigid_motion(region):
+    spin = 1e-3 * np.array([[0, -1, 2], [1, 0, -3], [-2, 3, 0]])
+    motion = cup_rows(CENTERS @ spin.T, np.broadcast_to(spin, (4, 3, 3)))
+    if region == Region.S_STRIP:
+        motion[6:] = 0
+    q = MODEL.body(region).least_bending @ motion
+    points = np.array([[0.03, 0.01], [0.055, -0.02], [0.08, 0.0]])
+    free, frames = MODEL.rows(region, *points.T)
+    assert_allclose(free @ q + frames @ motion, points @ spin[:, :2].T, atol=ROUNDED)
 
 
 def refined(patches):
@@ -255,9 +332,10 @@ def test_warm_start_follows_a_shape():
 def test_side_is_kept_by_a_warm_start():
     positions, rotations = disturbed(8)
     down = MODEL.solve(positions, rotations, sides=(-1, -1, -1, -1))
-    up = np.array([0, 0, 1e-3])
+    up = np.array([0.2, 0, 0.5])  # far more than Newton's method would go
     again = MODEL.solve(positions + up, rotations, start=down)
     assert again.status == CoupledStatus.CONVERGED
+    assert again.iterations <= 3
     expected = MODEL.points(down, *ALL) + up
     assert_allclose(MODEL.points(again, *ALL), expected, atol=SAME)
 
