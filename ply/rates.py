@@ -244,7 +244,7 @@ def _fill_modes(
     amplitude = np.moveaxis(np.swapaxes(last, -1, -2) @ inverse, -1, 0)[..., None, :]
     amplitude = amplitude / L[..., None]
     share = amplitude + _of_cubic(basis, here)
-    bent = dot(share - free, share - free).sum(axis=0) > STRAIGHT**2
+    bent = dot(share - free, share - free).sum(axis=0) > STRAIGHT**2  # sideways
     share[0] = dot(share[0], here.up)[..., None] * here.up
     loads = basis.loads.reshape(-1, *[1] * dL.ndim)
     square = dot(share, share).sum(axis=0)
@@ -297,5 +297,4 @@ def _free_shares(
     dfree = areas * moved.turn_kept - 3 * tilts * moved.skew_kept
     free = free + lift * push * here.up
     dfree = dfree + lift * (dpush * here.up + push * moved.up)
-    free[0] = dot(free[0], here.up)[..., None] * here.up
     return free, dfree

@@ -183,6 +183,15 @@ def test_tolerance_asks_for_the_poses_that_droop_more():
     assert droop(points_st, tolerance=CORNER_TIP * TIP * 0.99).any()
 
 
+def test_cups_inside_do_not_ask_for_a_droop():
+    """All cups upright but those in the middle, which hold no free edge."""
+    frames = np.array(np.broadcast_to(rotations(np.array([1.55, 0, 0])), FLAT.shape))
+    frames[[5, 6]] = np.eye(3)
+    assert not droop([[-0.05, -0.05]], frames, tolerance=1e-4).any()
+    frames[4] = np.eye(3)
+    assert droop([[-0.05, -0.05]], frames, tolerance=1e-4).any()
+
+
 @pytest.mark.parametrize(
     ("argument", "values"),
     [
