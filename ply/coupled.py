@@ -23,7 +23,7 @@ from ply.coupled_basis import (
 from ply.coupled_body import Body
 from ply.coupled_input import flat_poses, sound_poses
 from ply.coupled_solve import CoupledStatus, newton
-from ply.coupled_start import STRIP_CUPS, cup_rows, patch_start, strip_start
+from ply.coupled_start import STRIP_CUPS, cup_rows, mean_turn, patch_start, strip_start
 from ply.errors import PlyError
 from ply.fiber import Array, Statuses
 from ply.grid import CupGrid, Region
@@ -293,7 +293,7 @@ class CoupledModel:
     def _follow(
         self, start: CoupledPatches, body: Body, cups: Array
     ) -> tuple[Array, list[Array]]:
-        """Unknowns of a start, bent along with cups moved since, and its strains."""
-        before, old = start.cups.reshape(cups.shape), start.coefficients
-        q = old.reshape(len(cups), body.size, 3)
-        return q + body.least_bending @ (cups - before), body.strains(q, before)
+        """Unknowns of a start, turned with cups that have moved since; its strains."""
+        before = start.cups.reshape(cups.shape)
+        q = start.coefficients.reshape(len(cups), body.size, 3)
+        return q @ mean_turn(before, cups).mT, body.strains(q, before)

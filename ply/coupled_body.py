@@ -1,7 +1,6 @@
 """A patch or a strip, as a core with the strips that hang on it (D11)."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -52,22 +51,6 @@ class Body:
         strips = np.concatenate([outer, inner], axis=2)
         flat = strips.reshape(len(core), 2 * first, 3)
         return np.concatenate([flat, core[:, first:]], axis=1)
-
-    @cached_property
-    def least_bending(self) -> Array:
-        """Unknowns of least bending energy for given cups, shape (size, 12)."""
-        count, functions = self._strip_shape
-        ends = np.arange(count * functions).reshape(count, functions)
-        rest = np.arange(count * functions, self.size)
-        own_place = np.append(ends[:, functions // 2 :], rest)
-        core, strips = self.core, self.strips
-        bent = [(core.bending, core.bending_cups, own_place)]
-        bent += list(zip(strips.bending, strips.bending_cups, ends, strict=True))
-        matrix, right = np.zeros((self.size, self.size)), np.zeros((self.size, 12))
-        for own, cups, place in bent:
-            matrix[np.ix_(place, place)] += own
-            right[place] -= cups
-        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
 
     def energy(self, q: Array, cups: Array) -> Array:
         """Elastic energy of unknowns (b, size, 3), shape (b,), in [J]."""

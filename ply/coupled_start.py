@@ -19,6 +19,25 @@ def cup_rows(positions: Array, rotations: Array) -> Array:
     return rows.reshape(*rows.shape[:-3], -1, 3)
 
 
+def mean_turn(before: Array, after: Array) -> Array:
+    """Rotation that takes cups nearest to where they have turned (D11).
+
+    Args:
+        before: Position, s and t direction of each cup, shape (..., 3 cups, 3).
+        after: The same, later.
+
+    Returns:
+        Rotations, shape (..., 3, 3).
+    """
+    frames = []
+    for rows in (before, after):
+        x, y = rows[..., 1::3, :], rows[..., 2::3, :]
+        frames.append(np.concatenate([x, y, np.cross(x, y)], axis=-2))
+    u, _, v = np.linalg.svd(frames[1].mT @ frames[0])
+    u[..., -1] *= np.sign(np.linalg.det(u @ v))[..., None]
+    return np.asarray(u @ v)
+
+
 def patch_start(
     basis: PatchBasis, positions: Array, rotations: Array, sides: Array
 ) -> Array:

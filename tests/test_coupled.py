@@ -169,18 +169,6 @@ def test_start_has_the_length_of_its_fibers_on_the_side_asked(strip):
     assert bulges[2] == min(bulges)
 
 
-@pytest.mark.parametrize("region", [Region.PATCH, Region.S_STRIP])
-def test_least_bending_follows_a_rigid_motion(region):
-    spin = 1e-3 * np.array([[0, -1, 2], [1, 0, -3], [-2, 3, 0]])
-    motion = cup_rows(CENTERS @ spin.T, np.broadcast_to(spin, (4, 3, 3)))
-    if region == Region.S_STRIP:
-        motion[6:] = 0
-    q = MODEL.body(region).least_bending @ motion
-    points = np.array([[0.03, 0.01], [0.055, -0.02], [0.08, 0.0]])
-    free, frames = MODEL.rows(region, *points.T)
-    assert_allclose(free @ q + frames @ motion, points @ spin[:, :2].T, atol=ROUNDED)
-
-
 def refined(patches):
     """Unknowns after Newton's method has gone on for a few steps."""
     body, q = MODEL.body(patches.region), patches.coefficients
@@ -329,15 +317,19 @@ def test_warm_start_follows_a_shape():
     assert_allclose(MODEL.points(patch, *ALL), MODEL.points(cold, *ALL), atol=SAME)
 
 
-def test_side_is_kept_by_a_warm_start():
-    positions, rotations = disturbed(8)
-    down = MODEL.solve(positions, rotations, sides=(-1, -1, -1, -1))
-    up = np.array([0.2, 0, 0.5])  # far more than Newton's method would go
-    again = MODEL.solve(positions + up, rotations, start=down)
+@pytest.mark.parametrize("cups", [[0, 1], [0, 1, 2, 3]])
+def test_warm_start_goes_along_with_a_rigid_motion(cups):
+    """Far more than Newton's method would go, and the side is kept."""
+    positions, rotations = (array[cups] for array in disturbed(8))
+    solve = MODEL.solve if len(cups) == 4 else MODEL.solve_strips
+    down = solve(positions, rotations, np.full(4, -1) if len(cups) == 4 else -1)
+    turn, shift = rotation(np.array([1.0, -2.0, 0.5])), np.array([0.2, 0, 0.5])
+    again = solve(positions @ turn.T + shift, turn @ rotations, start=down)
     assert again.status == CoupledStatus.CONVERGED
-    assert again.iterations <= 3
-    expected = MODEL.points(down, *ALL) + up
-    assert_allclose(MODEL.points(again, *ALL), expected, atol=SAME)
+    assert again.iterations == 2
+    held = LINES[:, None], LINES if len(cups) == 4 else LINES[:5]
+    expected = MODEL.points(down, *held) @ turn.T + shift
+    assert_allclose(MODEL.points(again, *held), expected, atol=SAME)
 
 
 def test_batch_equals_single():
