@@ -128,12 +128,12 @@ def point_jacobian(
             strips, place = np.unique(rows.strips, return_inverse=True)
             family = _family(grid, fibers, axis, strips)
             ends, rates = _ends(grid, axis, strips, positions, rotations, family)
+            in_band = bool(take_up) & (family.used == family.natural)
             if take_up:
-                in_band = (family.used == family.natural)[..., None]
-                rates = rates._replace(
-                    length=np.where(in_band, natural_length_rates(ends, rates), 0.0)
-                )
-            loading = Loading(load, 2 * softness * bending / family.length**2)
+                dL = natural_length_rates(ends, rates)
+                rates = rates._replace(length=np.where(in_band[..., None], dL, 0.0))
+            soft = 2 * softness * bending / family.length**2
+            loading = Loading(load, soft, in_band)
             parts = fiber_rates(model, family.coefficients, ends, rates, loading)
             _add(out, rows, place, parts, part_polynomials(model, parts.shape[-1]))
     return PointJacobian(out, cups)

@@ -9,6 +9,7 @@ differentiation of Eq. 22 or of the secular equation, docs/derivations.md, D16.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ply.fiber import BULGE, STRAIGHT, WEAK, Array, dot, length_error
 from ply.modes import CUBIC, Modes, bending_modes
@@ -56,10 +57,17 @@ class EndRates(NamedTuple):
 
 
 class Loading(NamedTuple):
-    """What bends modal fibers beside their cups, as in `modal_fibers`."""
+    """What modal fibers follow beside their cups.
+
+    Attributes:
+        load: Weight over bending stiffness, as of `modal_fibers`.
+        softness: As of `modal_fibers`.
+        in_band: Whether a fiber has its natural length, shape (...).
+    """
 
     load: Array | None = None
     softness: float = 0.0
+    in_band: ArrayLike = False
 
 
 def part_polynomials(model: str, terms: int) -> Array:
@@ -132,7 +140,9 @@ def fiber_rates(
     if model == "quartic":
         parts[..., 4] = _bulge_rates(coefficients[..., 4, :], ends, rates)
     elif model == "modal":
-        _fill_modes(parts[..., 4:], coefficients[..., 4:, :], ends, rates, loading)
+        _fill_modes(
+            parts[..., 4:], coefficients[..., 4:, :], ends, rates, loading or Loading()
+        )
     return parts
 
 
@@ -223,78 +233,94 @@ def _unit_rates(vector: Array, rate: Array) -> tuple[Array, Array]:
 
 
 def _fill_modes(
-    parts: Array, last: Array, ends: Ends, rates: EndRates, loading: Loading | None
+    parts: Array, last: Array, ends: Ends, rates: EndRates, loading: Loading
 ) -> None:
     """Rates of the amplitudes of the modes, into shape (..., D, 3, m).
 
-    With y_k the shares of the modes and x the force beyond buckling, it solves the
-    rates of x y_1 = lambda_1 lean and of the length condition together: these are
-    regular where the fiber buckles, too.
+    Inside the band a straight fiber is the cubic and remains it. Elsewhere one that
+    just has its length keeps it, but for what bends it in the strip's own plane.
     """
-    load, softness = loading or Loading()
     basis = bending_modes(last.shape[-2])
     here, moved = _shapes(ends, rates)
     L, dL = ends.length[..., None], rates.length
     push, dpush = np.zeros_like(L), np.zeros_like(dL)
-    if load is not None:
-        push = dot(load, here.up) * L**3
-        dpush = dot(load, moved.up) * L**3 + 3 * push / L * dL
-    free, dfree = _free_shares(basis, here, moved, push, dpush)
+    if loading.load is not None:
+        push = dot(loading.load, here.up) * L**3
+        dpush = dot(loading.load, moved.up) * L**3 + 3 * push / L * dL
     inverse = np.linalg.inv(basis.powers[4:, 4:])
     amplitude = np.moveaxis(np.swapaxes(last, -1, -2) @ inverse, -1, 0)[..., None, :]
     amplitude = amplitude / L[..., None]
-    share = amplitude + _of_cubic(basis, here)
-    bent = dot(share - free, share - free).sum(axis=0) > STRAIGHT**2  # sideways
-    share[0] = dot(share[0], here.up)[..., None] * here.up
-    loads = basis.loads.reshape(-1, *[1] * dL.ndim)
+    cubic = _of_modes(basis, here.turn, here.skew)
+    dcubic = _of_modes(basis, moved.turn, moved.skew)
+    kept = _of_modes(basis, here.turn_kept, here.skew_kept)
+    dkept = _of_modes(basis, moved.turn_kept, moved.skew_kept)
+    lift = (basis.areas / basis.loads).reshape(-1, *[1] * parts[..., 0].ndim)
+    free = kept + lift * push[..., None] * here.up
+    dlift = dpush[..., None] * here.up + push[..., None] * moved.up
+    gamma, dgamma = _gamma_rates(ends, rates)
+    droom = 2 * dot(cubic, dcubic).sum(axis=0) - dgamma
+    shares = _Shares(
+        *(amplitude + cubic, free, dkept + lift * dlift, here.up, moved.up, droom)
+    )
+    straight = (abs(gamma) <= STRAIGHT)[..., None] & (push == 0)
+    dshare, known = _share_rates(basis, shares, loading.softness, straight)
+    dshare = np.where((straight & ~known)[..., None], dkept, dshare)
+    change = L[..., None] * (dshare - dcubic) + dL[..., None] * amplitude
+    still = straight[..., None] & np.asarray(loading.in_band)[..., None, None]
+    parts[...] = np.moveaxis(np.where(still, 0.0, change), 0, -1)
+
+
+class _Shares(NamedTuple):
+    """Shares of the modes of fibers, shape (m, ..., D, 3), D one or all directions.
+
+    Without axial force they would be free; droom are the rates of R_0, (..., D).
+    """
+
+    share: Array
+    free: Array
+    dfree: Array
+    up: Array
+    dup: Array
+    droom: Array
+
+
+def _share_rates(
+    basis: Modes, shares: _Shares, softness: float, straight: NDArray
+) -> tuple[Array, NDArray]:
+    """Rates of the shares, and whether their fiber has any.
+
+    With x the force beyond buckling, it solves the rates of x y_1 = lambda_1 lean and
+    of the length condition together: these are regular where the fiber buckles, too.
+    """
+    share, free, dfree, up, dup, droom = shares
+    bent = dot(share - free, share - free).sum(axis=0) > STRAIGHT**2
+    first = dot(share[0], up)
+    share = np.concatenate([(first[..., None] * up)[None], share[1:]])
+    loads = basis.loads.reshape(-1, *[1] * droom.ndim)
     square = dot(share, share).sum(axis=0)
     bends = square > SQUARE_OF_FLAT
-    pull = (loads * dot(share, free - share)).sum(axis=0)
-    force = pull / np.where(bends, square, 1.0)
+    force = (loads * dot(share, free - share)).sum(axis=0)
+    force = force / np.where(bends, square, 1.0)
     further = np.where(loads > loads[0], loads + force, 1.0)  # > 0 but for buckling
     falls = np.where(bends & (loads > loads[0]), loads / further, 0.0)
 
-    # Rates of the force and of the first share.
-    gamma, dgamma = _gamma_rates(ends, rates)
-    first, x = dot(share[0], here.up), loads[0] + force
-    drift = (falls**2 * dot(free, dfree)).sum(axis=0)
-    droom = 2 * dot(_of_cubic(basis, here), _of_cubic(basis, moved)).sum(axis=0)
     steep = 2 * (dot(share, share) * falls / loads).sum(axis=0) + softness
-    lean = dot(dfree[0], here.up) + dot(free[0], moved.up)
-    a, b = loads[0] * lean, droom - dgamma - 2 * drift
+    a = loads[0] * (dot(dfree[0], up) + dot(free[0], dup))
+    b = droom - 2 * (falls**2 * dot(free, dfree)).sum(axis=0)
+    x = loads[0] + force
     det = 2 * first**2 + x * steep
-    straight = (abs(gamma) <= STRAIGHT)[..., None] & (push == 0)
     known = bends & np.where(straight, ~bent & (square > WEAK**2), det > 0)
     det = np.where(known, det, 1.0)
     dx = np.where(known, (2 * first * a - x * b) / det, 0.0)
     dfirst = np.where(known, (first * b + steep * a) / det, 0.0)
-
     dfalls = -(falls**2) / loads * dx
     dshare = dfalls[..., None] * free + falls[..., None] * dfree
-    dshare[0] = dfirst[..., None] * here.up + first[..., None] * moved.up
-    change = L[..., None] * (dshare - _of_cubic(basis, moved))
-    change += dL[..., None] * amplitude
-    idle = straight & ~known
-    parts[...] = np.moveaxis(np.where(idle[..., None], 0.0, change), 0, -1)
+    dshare[0] = dfirst[..., None] * up + first[..., None] * dup
+    return dshare, known
 
 
-def _of_cubic(basis: Modes, shape: _Shape) -> Array:
-    """Shares g_k of the modes in the cubic, shape (m, ..., D, 3)."""
-    extra = [1] * shape.skew.ndim
+def _of_modes(basis: Modes, turn: Array, skew: Array) -> Array:
+    """Shares g_k of the modes in a cubic, shape (m, ..., D, 3)."""
+    extra = [1] * skew.ndim
     areas, tilts = (w.reshape(-1, *extra) for w in (basis.areas, basis.tilts))
-    return areas * shape.turn - 3 * tilts * shape.skew
-
-
-def _free_shares(
-    basis: Modes, here: _Shape, moved: _Shape, push: Array, dpush: Array
-) -> tuple[Array, Array]:
-    """Shares that the modes have without axial force, and their rates."""
-    extra = [1] * moved.up.ndim
-    areas, tilts = (w.reshape(-1, *extra) for w in (basis.areas, basis.tilts))
-    lift = areas / basis.loads.reshape(-1, *extra)
-    push, dpush = push[..., None], dpush[..., None]
-    free = areas * here.turn_kept - 3 * tilts * here.skew_kept
-    dfree = areas * moved.turn_kept - 3 * tilts * moved.skew_kept
-    free = free + lift * push * here.up
-    dfree = dfree + lift * (dpush * here.up + push * moved.up)
-    return free, dfree
+    return areas * turn - 3 * tilts * skew

@@ -12,6 +12,7 @@ from tests.test_shape import poses, rotations
 GRID = CupGrid(3, 3, 0.11, 0.02)
 UNEVEN = CupGrid(2, 3, 0.1, 0.015, s_length=0.0702, t_length=0.0699)
 STEP = 1e-6  # [m, rad] of fourth-order differences: rounding then adds 1e-9
+WIDE = 5e-4  # [rad] past which a fiber's length error counts: STRAIGHT of ply.fiber
 EXACT = 1e-6  # [-, m/rad] analytic against finite differences; relative above 1
 SETTLED = 1e-7  # [-, m/rad] differences whose error is known to be below
 FEW = 0.03  # [-] share of differences that do not settle: slack at its limits
@@ -136,6 +137,30 @@ def test_buckled_fibers_of_parallel_cups(side):
     cups = positions * 0.99, frames
     fibers = check_against_differences(GRID, cups, points_of(GRID), settings)
     assert (fibers.s_side == side).all()
+
+
+@pytest.mark.parametrize("take_up", [None, 1e-4])
+@pytest.mark.parametrize("turn", [0.0, 0.1])
+def test_cups_in_line_that_turn_about_their_normals(take_up, turn):
+    """A strip does not bend in its own plane, but the cubic inside the band does."""
+    grid = CupGrid(1, 2, 0.11, 0.02)
+    angle = turn * np.array([[0, -1, 0], [0, 1.0, 0]])
+    frames = rotations(angle)
+    out = grid.half_width * (frames[0, :, 0] + frames[1, :, 0])
+    span = np.array([grid.span, 0, 0])
+    settings = {"model": "modal", "take_up": take_up}
+    for _ in range(40):  # until the cubic has its length
+        cups = np.stack([0 * span, span + out]), frames
+        wrong = ply_fibers(grid, *cups, **settings).s_natural[0, 0, 1] - grid.span
+        span[0] -= wrong
+    settings["sides"] = np.ones((1, 1)), np.ones((0, 2))
+    points_st = points_of(grid)
+    jacobian, fibers = analytic(grid, cups, points_st, settings)
+    assert not fibers.s_side.any()
+    step = STEP if take_up else WIDE
+    expected = differences(grid, cups, points_st, settings, step)
+    yaw = jacobian.dense(2)[:, 1, :, 5] - expected[:, 1, :, 5]
+    assert_allclose(yaw, 0, rtol=0, atol=EXACT)
 
 
 @pytest.mark.parametrize("side", [1, -1])
