@@ -53,7 +53,7 @@ def coupled_points(
             raise PlyError(name, problem, f"the grid has {grid.n_cups} cups")
     if grid.n_cups == 1:
         raise PlyError("grid", "a single cup has no neighbor", "use its plane")
-    cups = _cups(grid)
+    cups = patch_cups(grid)
     if min(grid.rows, grid.columns) > 1:
         patches = model.solve(p[..., cups, :], frames[..., cups, :, :], sides, start)
         found = patches
@@ -65,10 +65,10 @@ def coupled_points(
         shape = (max(grid.rows - 1, 1), max(grid.columns - 1, 1))
         one = found.energy.ndim - 1
         patches = found[(..., np.arange(found.energy.shape[one]).reshape(shape))]
-    return _blended(grid, model, patches, s, t), found
+    return blended_points(grid, model, patches, s, t), found
 
 
-def _cups(grid: CupGrid) -> Array:
+def patch_cups(grid: CupGrid) -> Array:
     """Cups of each patch, shape (rows - 1, columns - 1, 4), or strip, (spans, 2)."""
     index = np.arange(grid.n_cups).reshape(grid.rows, grid.columns)
     if min(index.shape) == 1:
@@ -79,7 +79,7 @@ def _cups(grid: CupGrid) -> Array:
     return np.stack(around, axis=-1)
 
 
-def _blended(
+def blended_points(
     grid: CupGrid,
     model: CoupledModel,
     patches: CoupledPatches,
