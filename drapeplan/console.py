@@ -124,8 +124,8 @@ def show_verdict(
     limits, fibers = verdict["limits"], verdict["fibers"]
     low, high = limits["stroke_range_mm"]
     print(
-        f"  Interlinks within {_bound(links['worst_error_mm'])} mm; placed cups within "
-        f"{_bound(landing['worst_distance_mm'])} mm and "
+        f"  At the waypoints, interlinks within {_bound(links['worst_error_mm'])} mm; "
+        f"placed cups within {_bound(landing['worst_distance_mm'])} mm and "
         f"{_bound(landing['worst_angle_deg'])} deg of their targets."
     )
     print(

@@ -164,12 +164,17 @@ class MoldSection(Section):
         return self
 
 
+LATER = "recorded in the plan, not used yet"
+
+
 class PlySection(Section):
     """The ply and its material."""
 
     take_up_mm: Annotated[float, Field(ge=0, le=50)] = 0.8
-    areal_mass_kg_m2: Annotated[float, Field(ge=0, le=100)] = 0.31
-    bending_stiffness_Nm: Annotated[float, Field(gt=0, le=1000)] = 0.02
+    areal_mass_kg_m2: Annotated[float, Field(ge=0, le=100, description=LATER)] = 0.31
+    bending_stiffness_Nm: Annotated[float, Field(gt=0, le=1000, description=LATER)] = (
+        0.02
+    )
     overhang_mm: Annotated[float, Field(ge=0, le=500)] = 20.0
     sample_mm: Annotated[float, Field(ge=2, le=35)] = 10.0
 
@@ -240,7 +245,7 @@ class ToleranceSection(Section):
     pad_penetration_mm: Small = 1.0
     laid_sink_mm: Small = 3.0
     laid_bridge_mm: Small = 3.0
-    shape_mm: Small = 0.2
+    shape_mm: Annotated[Small, Field(description=LATER)] = 0.2
 
 
 class Scene(Section):
@@ -258,7 +263,7 @@ class Scene(Section):
     motion: MotionSection = MotionSection()
     tolerance: ToleranceSection = ToleranceSection()
     fidelity: Literal["kinematic"] = "kinematic"
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, description=LATER)] = 0
 
 
 def read_scene(path: Path) -> Scene:
