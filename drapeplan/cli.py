@@ -201,7 +201,7 @@ def shape(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="CSV file to write.")],
     model: Annotated[
-        str, typer.Option(help="quartic (the paper's) or cubic.")
+        str, typer.Option(help="auto, cubic, quartic (the paper's), modal or coupled.")
     ] = "quartic",
     points: Annotated[
         Path | None, typer.Option(help="CSV of material points, header s_mm,t_mm.")
@@ -209,24 +209,19 @@ def shape(
     step_mm: Annotated[
         float, typer.Option(min=0.5, help="Grid step without --points.")
     ] = 10.0,
+    alternatives: Annotated[
+        int, typer.Option(min=0, max=16, help="Most further shapes, OUT.alt1.csv, ...")
+    ] = 0,
+    tolerance_mm: Annotated[
+        float, typer.Option(min=0.001, help="What auto may lose, rms over a patch.")
+    ] = 0.1,
     as_json: Json = False,
 ) -> int:
     """Shape of a free-hanging ply from the poses of the cups that hold it."""
-    from drapeplan.cups import read_cups, shape_report, shape_table, write_csv
+    from drapeplan.commands_shape import shape_command
 
-    check_outputs([output], [cups_file, points] if points else [cups_file])
-    cups = read_cups(cups_file)
-    rows = shape_table(cups, model, points, step_mm * 1e-3)
-    write_csv(output, rows)
-    report = shape_report(cups, model)
-    if as_json:
-        good = not report["failing"]
-        print(json.dumps({"good": good, "written": [str(output)], **report}))
-    else:
-        print(f"wrote {output}: {len(rows)} points, model {model}")
-        for line in report["failing"]:
-            print(f"  {line['text']}")
-    return 0 if not report["failing"] else 1
+    lengths = step_mm * 1e-3, alternatives, tolerance_mm * 1e-3
+    return shape_command(cups_file, output, model, points, *lengths, as_json)
 
 
 @app.command()

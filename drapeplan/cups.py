@@ -4,7 +4,6 @@ import csv
 import os
 import tempfile
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,10 @@ from numpy.typing import NDArray
 
 from drapeplan.cups_file import MM, Cups, read_cups
 from drapeplan.errors import InputError
+from drapeplan.shape_models import Held, hold
 from ply.errors import PlyError
 from ply.fiber import FiberStatus, LengthStatus, bubble_height
-from ply.reconcile import reconcile
-from ply.shape import MODELS, PlyFibers, PlySampling, evaluate, ply_fibers
+from ply.shape import PlyFibers, PlySampling
 
 __all__ = ["Cups", "read_cups", "shape_report", "shape_table", "write_csv"]
 
@@ -44,7 +43,7 @@ def shape_table(
     Args:
         cups: The cups that hold the ply. With a take-up, fibers have their natural
             length inside its band.
-        model: "quartic", "cubic" or "modal".
+        model: One of `drapeplan.shape_models.MODELS`.
         points_path: CSV file of material points with the columns s_mm and t_mm, or None
             for a regular grid over cups and spans, t in the outer loop.
         step: Distance between the lines of the regular grid, in [m].
@@ -56,13 +55,21 @@ def shape_table(
         InputError: The model does not exist, the points file is unreadable or asks for
             points off the ply, or the step does not divide cups and spans.
     """
-    cups, fibers = _held(cups, model)
-    if points_path is None:
-        points_st, points = _regular(cups, fibers, step)
-        return np.column_stack([points_st, points]) / MM
-    rows = _read_points(cups, str(points_path))
-    points = evaluate(cups.grid, fibers, cups.positions, cups.rotations, MM * rows)
-    return np.column_stack([rows, points / MM])
+    return table_of(hold(cups, model)[0], points_path, step)
+
+
+def table_of(held: Held, points_path: str | Path | None, step: float = STEP) -> Array:
+    """Where material points of a held ply are, as for `shape_table`."""
+    grid = held.cups.grid
+    if points_path is not None:
+        rows = _read_points(held.cups, str(points_path))
+        return np.column_stack([rows, held.points(*(MM * rows).T) / MM])
+    try:
+        sampling = PlySampling.regular(grid, step)
+    except PlyError as error:
+        raise InputError("--step-mm", "", error.problem, error.remedy) from None
+    st = sampling.points_st.reshape(-1, 2)
+    return np.column_stack([st, held.points(*st.T)]) / MM
 
 
 def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
@@ -70,17 +77,23 @@ def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
 
     Args:
         cups: The cups that hold the ply.
-        model: "quartic", "cubic" or "modal".
+        model: One of `drapeplan.shape_models.MODELS`.
 
     Returns:
         The model, the number of fibers, counts by FiberStatus and (with a take-up) by
         LengthStatus, and the list of failing fibers: name, status, excess_mm (length
-        that is missing, negative where it is slack) and a sentence.
+        that is missing, negative where it is slack) and a sentence; for a ladder, the
+        rungs in words.
 
     Raises:
         InputError: The model does not exist.
     """
-    cups, fibers = _held(cups, model)
+    return report_of(hold(cups, model)[0], model)
+
+
+def report_of(held: Held, model: str) -> dict[str, Any]:
+    """What became of the fibers of a held ply, as for `shape_report`."""
+    cups, fibers = held.cups, held.fibers
     status = np.concatenate([fibers.s_status.ravel(), fibers.t_status.ravel()])
     band = np.concatenate([fibers.s_band.ravel(), fibers.t_band.ravel()])
     report: dict[str, Any] = {
@@ -95,6 +108,8 @@ def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
         report["length"] = {
             kind.name.lower(): int((band == kind).sum()) for kind in LengthStatus
         }
+    if held.climb is not None:
+        report["rungs"] = held.words
     return report | {"failing": list(_failing(cups, fibers))}
 
 
@@ -123,34 +138,6 @@ def write_csv(path: str | Path, rows: Array) -> None:
             Path(name).unlink(missing_ok=True)
         problem = f"cannot be written ({error.strerror})"
         raise InputError(str(path), "", problem, "check the folder") from None
-
-
-def _held(cups: Cups, model: str) -> tuple[Cups, PlyFibers]:
-    """Cups and fibers; poses with a stated uncertainty give way to modal fibers."""
-    if model not in MODELS:
-        problem = f"there is no model {model!r} yet"
-        raise InputError("--model", "", problem, f"choose from {', '.join(MODELS)}")
-    take_up = cups.take_up
-    if model == "modal" and (cups.pose_sigma > 0 or cups.pose_sigma_angle > 0):
-        poses = cups.positions, cups.rotations
-        found = reconcile(cups.grid, *poses, cups.pose_sigma, cups.pose_sigma_angle)
-        cups = replace(cups, positions=found.positions, rotations=found.rotations)
-        take_up = max(take_up, found.take_up)
-    fibers = ply_fibers(
-        *(cups.grid, cups.positions, cups.rotations),
-        model=model,
-        take_up=take_up if take_up > 0 else None,
-    )
-    return cups, fibers
-
-
-def _regular(cups: Cups, fibers: PlyFibers, step: float) -> tuple[Array, Array]:
-    try:
-        sampling = PlySampling.regular(cups.grid, step)
-    except PlyError as error:
-        raise InputError("--step-mm", "", error.problem, error.remedy) from None
-    points = sampling.points(fibers, cups.positions, cups.rotations)
-    return sampling.points_st.reshape(-1, 2), points.reshape(-1, 3)
 
 
 def _read_points(cups: Cups, source: str) -> Array:

@@ -16,6 +16,7 @@ from drapeplan.cups import shape_report
 from drapeplan.cups_file import MM, Cups
 from drapeplan.errors import InputError
 from drapeplan.scan import Scan
+from drapeplan.shape_models import check_model, hold
 from drapeplan.surface_fit import (
     Field,
     Frame,
@@ -27,7 +28,6 @@ from drapeplan.surface_fit import (
     plan_knots,
 )
 from ply.grid import CupGrid
-from ply.shape import MODELS, PlySampling, ply_fibers
 
 MESH = 0.005  # [m] widest mesh of the model's surface: a chord error below 10 um
 MARGIN = 0.01  # [m] around the cups; what lies outside is another part of the ply
@@ -123,7 +123,7 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
         cups: The cups that held the ply. Fiber lengths that their file does not give
             are estimated from the scan.
         scan: The scan, in the frame of the cups.
-        model: One of `ply.shape.MODELS`.
+        model: One of `drapeplan.shape_models.MODELS`.
 
     Returns:
         The validation.
@@ -132,9 +132,7 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
         InputError: The model does not exist, scan and cups lie apart, or the scan shows
             too little of the free ply.
     """
-    if model not in MODELS:
-        problem = f"there is no model {model!r} yet"
-        raise InputError("--model", "", problem, f"choose from {', '.join(MODELS)}")
+    check_model(model)
     frame = cup_frame(cups.grid, cups.positions, cups.rotations)
     near, far = _select(cups, frame, scan)
     world = scan.points[near]
@@ -178,11 +176,8 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
 def model_surface(cups: Cups, model: str) -> Surface:
     """The model's ply from the outer edges of the outer cups to each other, in [m]."""
     grid = cups.grid
-    sampling = PlySampling(grid, _lines(grid, grid.columns), _lines(grid, grid.rows))
-    take_up = cups.take_up if cups.take_up > 0 else None
-    poses = cups.positions, cups.rotations
-    fibers = ply_fibers(grid, *poses, model=model, take_up=take_up)
-    return Surface(sampling.s, sampling.t, sampling.points(fibers, *poses))
+    s, t = _lines(grid, grid.columns), _lines(grid, grid.rows)
+    return Surface(s, t, hold(cups, model)[0].points(*np.meshgrid(s, t)))
 
 
 def _lines(grid: CupGrid, count: int) -> Array:

@@ -4,20 +4,26 @@ Each estimate is a root mean square normal distance over a cell, which is a patc
 its strips, or a strip alone. Where they come from and how they were scaled: D17.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from ply.fiber import Array, FiberStatus, bubble_height
+from ply.fiber import Array, FiberStatus, Statuses, bubble_height
 from ply.grid import CupGrid
 from ply.measures import Measures
 from ply.weave import PlyFibers
 
-FLAT = 0.3  # [-] of the relief of the ply beside a cup that is flat; D17
+FLAT = 0.2  # [-] of the relief of the ply beside a cup that is flat; D17
 COUPLING = 0.1  # [-] of the change of bow of a patch's middle fibers
 SHEAR = 1.0  # [-] of what shear adds to a curved patch
-TWIST = 1.0  # [-] of the bow of lengths by which fibers of a strip differ
-OPEN = 0.5  # [-] of the largest distance between a strip and its other side
+SLIDE = 0.5  # [-] of the bow of the length that a lone strip gains by shear
+BENT_IN_PLANE = 5.0  # [-] a cubic that leaves at an angle a is longer by L a^2 / 5
+TWIST = 0.1  # [-] of the bow of lengths by which fibers of a strip differ
+LONE_TWIST = 0.5  # [-] the same of a strip that no patch holds
+OPEN = 0.3  # [-] of the largest distance between a strip and its other side
+RIVAL = 2.0  # [-] bending energy of the other side over that of a strip's own
+PLACES = np.linspace(0.0, 1.0, 9)  # [-] along a fiber, where bending is summed
 
 
 class Causes(NamedTuple):
@@ -26,9 +32,9 @@ class Causes(NamedTuple):
     Attributes:
         flat: Cups hold the ply flat, while the strips beside them bend.
         coupling: Fibers inside a patch have another length than its strips give them.
-        shear: In-plane shear bears on a curved patch.
+        shear: In-plane shear bears on a curved patch, or straightens a lone strip.
         twist: The fibers of a strip ask for different lengths.
-        open: Slack lets a strip bulge to its other side as well.
+        open: Slack lets a strip bulge to its other side for little energy.
         stretch: Cups are farther apart than a fiber reaches.
     """
 
@@ -54,30 +60,25 @@ def causes(
     Returns:
         The estimates; their sum bounds the difference.
     """
+    around, lone = partial(largest_around, grid), min(grid.rows, grid.columns) == 1
     lengths = grid.s_length, grid.t_length
-    families = (fibers.s, fibers.t), (turned.s, turned.t)
-    ends = [_end_curvature(a, L) for a, L in zip(families[0], lengths, strict=True)]
+    curves = (fibers.s, turned.s), (fibers.t, turned.t)
     naturals = fibers.s_natural, fibers.t_natural
-    twists = [_twist(n, L) for n, L in zip(naturals, lengths, strict=True)]
-    apart = [_distance(a, b) for a, b in zip(*families, strict=True)]
-    over = [
-        np.where(status == FiberStatus.OVERSTRETCHED, excess, 0.0).max(axis=-1)
-        for status, excess in (
-            (fibers.s_status, fibers.s_excess),
-            (fibers.t_status, fibers.t_excess),
-        )
-    ]
-    twist = TWIST * largest_around(grid, *twists)
-    lone = min(grid.rows, grid.columns) == 1
-    relief = 0.0 if lone else FLAT * grid.half_width**2 / 2
-    return Causes(
-        relief * largest_around(grid, *ends),
-        np.zeros_like(twist) if lone else COUPLING * found.coupling,
-        np.zeros_like(twist) if lone else SHEAR * found.shear_effect,
-        twist,
-        OPEN * largest_around(grid, *apart),
-        largest_around(grid, *over),
-    )
+    twist = [_twist(n, L) for n, L in zip(naturals, lengths, strict=True)]
+    rivals = [_rival(own, other) for own, other in curves]
+    over = _stretch(fibers.s_status, fibers.s_excess)
+    stretch = around(over, _stretch(fibers.t_status, fibers.t_excess))
+    if lone:
+        angles = zip((found.s_shear, found.t_shear), lengths, strict=True)
+        slides = [bubble_height(L * a**2 / BENT_IN_PLANE, L) for a, L in angles]
+        flat = coupling = np.zeros_like(stretch)
+        shear = SLIDE * around(*slides)
+    else:
+        bends = [_end_curvature(c[0], L) for c, L in zip(curves, lengths, strict=True)]
+        flat = FLAT * grid.half_width**2 / 2 * around(*bends)
+        coupling, shear = COUPLING * found.coupling, SHEAR * found.shear_effect
+    twisted = (LONE_TWIST if lone else TWIST) * around(*twist)
+    return Causes(flat, coupling, shear, twisted, OPEN * around(*rivals), stretch)
 
 
 def largest_around(grid: CupGrid, s: Array, t: Array) -> Array:
@@ -110,7 +111,22 @@ def _twist(natural: Array, length: float) -> Array:
     return bubble_height(natural.max(axis=-1) - natural.min(axis=-1), length)
 
 
-def _distance(a: Array, b: Array) -> Array:
-    """Largest distance in the middle of two strips' fibers, in [m]."""
-    middle = 0.5 ** np.arange(a.shape[-2]) @ (a - b)
-    return np.asarray(np.linalg.norm(middle, axis=-1).max(axis=-1))
+def _rival(own: Array, other: Array) -> Array:
+    """Distance in the middle to the other side, 0 if that takes much energy, in [m]."""
+    middle = 0.5 ** np.arange(own.shape[-2]) @ (own - other)
+    distance = np.linalg.norm(middle, axis=-1).max(axis=-1)
+    near = _bending(other) < RIVAL * _bending(own)
+    return np.where(near, distance, 0.0)
+
+
+def _bending(curves: Array) -> Array:
+    """Sum of squared second derivatives over a strip's fibers."""
+    k = np.arange(curves.shape[-2])
+    second = PLACES[:, None] ** np.maximum(k - 2, 0) * (k * (k - 1)) @ curves
+    return np.asarray((second**2).sum(axis=(-1, -2, -3)))
+
+
+def _stretch(status: Statuses, excess: Array) -> Array:
+    """Largest overstretch of a strip's fibers, in [m]."""
+    over = np.where(status == FiberStatus.OVERSTRETCHED, excess, 0.0)
+    return np.asarray(over.max(axis=-1))
