@@ -39,8 +39,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 def table(result: dict) -> list[str]:
     """Lines of a result, one figure each."""
-    width = max(map(len, result), default=0)
-    return [f"  {key:<{width}}  {_figure(value)}" for key, value in result.items()]
+    figures = {k: v for k, v in result.items() if not isinstance(v, (dict, list))}
+    width = max(map(len, figures), default=0)
+    lines = [f"  {key:<{width}}  {_figure(value)}" for key, value in figures.items()]
+    return lines + [line for v in result.values() if isinstance(v, list) for line in v]
 
 
 def _figure(value: object) -> str:

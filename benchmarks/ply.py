@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks._truth import run_truth
 from ply.fiber import quartic_fibers
 from ply.grid import CupGrid
 from ply.shape import PlySampling, ply_fibers
@@ -16,6 +17,11 @@ FIBERS = 10_000
 
 
 def run(quick: bool) -> dict:
+    """Every rung against finite elements, and times of the whole ply."""
+    return run_truth(quick) | whole_ply(quick)
+
+
+def whole_ply(quick: bool) -> dict:
     """Milliseconds a pose, for fibers and points, and fibers a second."""
     repeats = 20 if quick else 200
     sampling = PlySampling.regular(GRID, STEP, OVERHANG)

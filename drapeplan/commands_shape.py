@@ -66,8 +66,3 @@ def shape_command(
     for line in [*shapes[0].words, *estimates, *(f["text"] for f in report["failing"])]:
         print(f"  {line}")
     return 0 if good else 1
-    print(f"wrote {output}: {len(rows)} points, model {model}")
-    print(*(f"wrote {path}: another shape" for path in written[1:]), sep="\n", end="")
-    lines = [*shapes[0].words, *estimates, *(f["text"] for f in report["failing"])]
-    print("", *(f"  {line}" for line in lines), sep="\n" if written[1:] else "")
-    return 0 if good else 1

@@ -81,7 +81,8 @@ def hold(
             *held, many, tolerance=tolerance, take_up=band, lowest=lowest
         )
         fibers = ply_fibers(*held, model="modal", take_up=band)
-        return [Held(cups, fibers, climb) for climb in climbs[:count]]
+        kept = range(min(count, len(climbs.positions)))
+        return [Held(cups, fibers, climbs.pose(n)) for n in kept]
     if model == "modal" and count > 1:
         found_shapes = alternatives(*held, count=count, take_up=band)
         return [Held(cups, fibers, None) for fibers, _ in found_shapes]

@@ -25,6 +25,7 @@ from ply.ladder_estimate import Causes, causes
 from ply.ladder_rungs import (
     Rung,
     cell_rms,
+    cells,
     cheap_rungs,
     faulty_cells,
     joined,
@@ -36,6 +37,7 @@ from ply.sides import alternatives
 from ply.weave import PlyFibers, Sides, ply_fibers
 
 TOLERANCE = 1e-4  # [m] rms normal distance over a patch that may be lost
+SURE = 0.75  # [-] of it that losses and estimates may use, since those err
 
 
 class Reason(IntEnum):
@@ -81,7 +83,7 @@ class Climb:
         rung: Rung of each cell, shape (..., cells along t, cells along s).
         reason: Reason of each cell, of the same shape.
         size: What the reason measures, in [m]: the estimate of the largest cause, or
-            for ALIKE the largest difference or sum of estimates of a rung above.
+            for ALIKE the difference of a cheap rung above plus the estimate.
         estimate: Estimated distance of the coupled patch from modal fibers, in [m].
         fibers: Fibers of all strips, each on the highest rung around it.
         patches: Coupled cells, batch shape as `rung`; those of lower cells are void.
@@ -120,8 +122,8 @@ class Climb:
             out = np.where(own[..., None], coupled, out)
         return out.reshape(*self.positions.shape[:-2], *s.shape, 3)
 
-    def pose(self, *index: int) -> "Climb":
-        """One pose of a batch, by its place on the batch axes."""
+    def pose(self, *index: Any) -> "Climb":
+        """One pose of a batch, or several, by place on the batch axes."""
         own = {
             name: getattr(self, name)[index]
             for name in ("positions", "rotations", "rung", "reason", "size", "estimate")
@@ -138,10 +140,10 @@ class Climb:
             key = int(self.rung[place]), int(self.reason[place])
             many.setdefault(key, []).append((place[-2], place[-1]))
         lines = []
-        for (rung, reason), cells in sorted(many.items()):
-            sizes = [self.size[cell] for cell in cells]
-            names = ", ".join(f"({i}, {j})" for i, j in cells[:6])
-            names += f" and {len(cells) - 6} more" if len(cells) > 6 else ""
+        for (rung, reason), group in sorted(many.items()):
+            sizes = [self.size[cell] for cell in group]
+            names = ", ".join(f"({i}, {j})" for i, j in group[:6])
+            names += f" and {len(group) - 6} more" if len(group) > 6 else ""
             lines.append(
                 f"{Rung(rung).name.lower()}: patch {names}: {WORDS[Reason(reason)]}, "
                 f"up to {1e3 * max(sizes):.2f} mm"
@@ -200,20 +202,21 @@ def climb(
         ply_fibers(grid, *poses, model=name, sides=sides, take_up=take_up)
         for name in ("cubic", "quartic", "modal")
     ]
-    rung, size = cheap_rungs(grid, cheap, poses, tolerance)
-    model = model or _model(grid)
-    faulty = faulty_cells(grid, cheap[-1])
-    reason = np.full(rung.shape, Reason.ALIKE)
-    estimate = np.zeros(rung.shape)
-    if rung.size and take_up is None and lowest < Rung.COUPLED:
+    model, room = model or _model(grid), SURE * tolerance
+    shape = (*poses[0].shape[:-2], *cells(grid))
+    estimate, size = np.zeros(shape), np.zeros(shape)
+    reason = np.full(shape, Reason.ALIKE)
+    if take_up is None and lowest < Rung.COUPLED and estimate.size:
         estimate, cause, most = _coupled_estimate(grid, cheap[-1], poses, sides, model)
-        high = estimate >= tolerance
-        reason = np.where(high, cause, reason)
-        size = np.where(high, most, np.maximum(size, estimate))
-        rung = np.where(high, Rung.COUPLED, rung)
-    elif rung.size and take_up is not None:
+        high = estimate >= room
+        reason, size = np.where(high, cause, reason), np.where(high, most, estimate)
+    rung, lost = cheap_rungs(grid, cheap, poses, room - estimate)
+    rung = np.where(estimate >= room, Rung.COUPLED, rung)
+    size = np.where(reason == Reason.ALIKE, estimate + lost, size)
+    if take_up is not None:
         reason[rung == Rung.MODAL] = Reason.TAKE_UP
     reason = np.where(rung < lowest, Reason.ASKED, reason)
+    faulty = faulty_cells(grid, cheap[-1])
     rung = np.where(faulty, Rung.MODAL, np.maximum(rung, lowest))
     reason = np.where(faulty, Reason.FAULT, reason)
     patches = None
@@ -240,7 +243,7 @@ def ladder_alternatives(
     take_up: float | None = None,
     model: CoupledModel | None = None,
     lowest: Rung = Rung.CUBIC,
-) -> list[Climb]:
+) -> Climb:
     """Shapes of one pose by the sides of its strips, least energy first.
 
     Modal fibers propose the sides, each shape climbs on its own, and those that came
@@ -257,13 +260,13 @@ def ladder_alternatives(
         lowest: As for `climb`.
 
     Returns:
-        The shapes, one or more.
+        The shapes along a first batch axis, one or more.
     """
     poses = np.asarray(positions, float), np.asarray(rotations, float)
     options: dict[str, Any] = {"tolerance": tolerance, "take_up": take_up}
     options |= {"model": model, "lowest": lowest}
     if grid.n_cups == 1:
-        return [climb(grid, *poses, **options)]
+        return climb(grid, *(pose[None] for pose in poses), **options)
     offered = alternatives(grid, *poses, count=count, take_up=take_up)
     sides = [fibers.sides for fibers, _ in offered]
     both = Sides(*(np.stack(family) for family in zip(*sides, strict=True)))
@@ -272,14 +275,17 @@ def ladder_alternatives(
     energy = np.array([value for _, value in offered])
     if found.patches is not None and (found.rung == Rung.COUPLED).all():
         energy = found.patches.energy.sum(axis=(-1, -2))
+    order = np.argsort(energy, kind="stable")
+    if len(order) == 1:
+        return found
     lines = probes(grid)
     points = found.points(*np.meshgrid(lines.s, lines.t))
     kept: list[int] = []
-    for n in np.argsort(energy, kind="stable"):
+    for n in order.tolist():
         apart = [cell_rms(grid, points[n], points[m]).max() for m in kept]
         if min(apart, default=np.inf) >= tolerance:
-            kept.append(int(n))
-    return [found.pose(n) for n in kept]
+            kept.append(n)
+    return found.pose(np.array(kept))
 
 
 @cache

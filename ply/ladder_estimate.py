@@ -17,10 +17,10 @@ from ply.weave import PlyFibers
 FLAT = 0.2  # [-] of the relief of the ply beside a cup that is flat; D17
 COUPLING = 0.1  # [-] of the change of bow of a patch's middle fibers
 SHEAR = 1.0  # [-] of what shear adds to a curved patch
-SLIDE = 0.5  # [-] of the bow of the length that a lone strip gains by shear
+SLIDE = 1.0  # [-] of the bow of the length that a lone strip gains by shear
 BENT_IN_PLANE = 5.0  # [-] a cubic that leaves at an angle a is longer by L a^2 / 5
 TWIST = 0.1  # [-] of the bow of lengths by which fibers of a strip differ
-LONE_TWIST = 0.5  # [-] the same of a strip that no patch holds
+LONE_TWIST = 1.0  # [-] the same of a strip that no patch holds
 OPEN = 0.3  # [-] of the largest distance between a strip and its other side
 RIVAL = 2.0  # [-] bending energy of the other side over that of a strip's own
 PLACES = np.linspace(0.0, 1.0, 9)  # [-] along a fiber, where bending is summed

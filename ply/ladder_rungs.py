@@ -55,7 +55,8 @@ def cell_rms(grid: CupGrid, first: Array, second: Array) -> Array:
     """
     x, y = np.gradient(second, axis=-2), np.gradient(second, axis=-3)
     normal = np.cross(x, y)
-    square = dot(first - second, normal) ** 2 / dot(normal, normal)
+    size = dot(normal, normal)
+    square = dot(first - second, normal) ** 2 / np.where(size > 0, size, 1.0)
     for axis, cups in ((-1, grid.columns), (-2, grid.rows)):
         square = np.moveaxis(square, axis, -1)
         stride = len(ON_CUP) + len(IN_SPAN)
@@ -66,20 +67,26 @@ def cell_rms(grid: CupGrid, first: Array, second: Array) -> Array:
     return np.sqrt(square)
 
 
-def cheap_rungs(
-    grid: CupGrid, cheap: list[PlyFibers], poses: tuple[Array, Array], tolerance: float
-) -> tuple[NDArray[np.int64], Array]:
-    """Lowest cheap rung from which none above differs, and by how much one does."""
-    batch = poses[0].shape[:-2]
+def cells(grid: CupGrid) -> tuple[int, int]:
+    """Number of cells along t and s."""
     if grid.n_cups == 1:
-        return np.zeros((*batch, 0, 0), dtype=np.int64), np.zeros((*batch, 0, 0))
+        return 0, 0
+    return max(grid.rows - 1, 1), max(grid.columns - 1, 1)
+
+
+def cheap_rungs(
+    grid: CupGrid, cheap: list[PlyFibers], poses: tuple[Array, Array], room: Array
+) -> tuple[NDArray[np.int64], Array]:
+    """Lowest cheap rung of each cell that those above leave room for, and its loss."""
+    if not room.size:
+        return np.zeros(room.shape, dtype=np.int64), np.zeros(room.shape)
     surfaces = [probes(grid).points(one, *poses) for one in cheap]
     to_quartic, to_modal, last = (
         cell_rms(grid, surfaces[a], surfaces[b]) for a, b in ((0, 1), (0, 2), (1, 2))
     )
     first = np.maximum(to_quartic, to_modal)
     rung = np.select(
-        [first < tolerance, last < tolerance],
+        [first < room, last < room],
         [int(Rung.CUBIC), int(Rung.QUARTIC)],
         int(Rung.MODAL),
     )
@@ -90,7 +97,7 @@ def cheap_rungs(
 def faulty_cells(grid: CupGrid, fibers: PlyFibers) -> NDArray[np.bool_]:
     """Cells beside cups whose poses make no sense."""
     if grid.n_cups == 1:
-        return np.zeros((*fibers.s.shape[:-5], 0, 0), dtype=bool)
+        return np.zeros((*fibers.s.shape[:-5], *cells(grid)), dtype=bool)
     faults = [
         np.isin(status, FAULTY).any(axis=-1).astype(float)
         for status in (fibers.s_status, fibers.t_status)

@@ -284,6 +284,12 @@ def test_shape_of_cups(drapeplan, tmp_path):
     table = output.read_text().splitlines()
     assert table[0] == "s_mm,t_mm,x_mm,y_mm,z_mm"
     assert len(table) == 1 + 16 * 5
+    auto = ["--model", "auto", "--alternatives", 2]
+    ended = drapeplan("shape", path, "-o", output, *auto)
+    assert ended.code == 1
+    assert "coupled: patch (0, 0): slack lets a strip bulge" in ended.out
+    assert "gravity sag" in ended.out
+    assert output.with_name("shape.alt1.csv").exists()
     ended = drapeplan("shape", path, "-o", output, "--model", "cubic", "--json")
     assert ended.document["good"] is (ended.code == 0)
     assert drapeplan("shape", path, "-o", output, "--model", "magic").code == 2

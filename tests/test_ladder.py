@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from ply.coupled_array import coupled_points
+from ply.errors import PlyError
 from ply.grid import CupGrid
-from ply.ladder import Reason, Rung, climb
+from ply.ladder import Reason, Rung, climb, ladder_alternatives
 
 GRID = CupGrid(3, 4, 0.11, 0.02)
-STEP = 1e-9  # [m] between neighbors on different rungs: rounding of degree 8
 
 
 def flat(grid=GRID):
@@ -57,3 +58,67 @@ def test_no_step_between_neighbors_on_different_rungs(cup):
         for edge in (k * pitch + half, k * pitch + half + span):
             inside, outside = found.points(s, edge - 1e-8), found.points(s, edge + 1e-8)
             assert_allclose(inside, outside, rtol=0, atol=1e-7)
+
+
+def slack(grid=GRID, share=1e-3):
+    positions, frames = flat(grid)
+    return (1 - share) * positions, frames
+
+
+def test_alternatives_rise_in_energy_and_differ():
+    grid = CupGrid(2, 2, 0.11, 0.02)
+    found = ladder_alternatives(grid, *slack(grid), count=4)
+    energy = found.patches.energy.sum(axis=(-1, -2))
+    assert len(energy) > 1
+    assert (np.diff(energy) >= -1e-12).all()
+    middle = found.points(0.055, 0.0)[:, 2]
+    assert len(np.unique(middle.round(4))) > 1
+
+
+def test_a_take_up_ends_the_ladder_at_modal():
+    found = climb(GRID, *slack(), take_up=1e-5)
+    assert (found.rung == Rung.MODAL).all()
+    assert (found.reason == Reason.TAKE_UP).all()
+
+
+def test_a_cup_that_faces_away_is_no_patch_to_solve():
+    positions, frames = flat()
+    frames[5] = np.diag([-1.0, 1.0, -1.0])
+    found = climb(GRID, positions, frames)
+    assert (found.reason[:2, :2] == Reason.FAULT).all()
+    assert np.isfinite(found.points(0.05, 0.05)).all()
+
+
+def test_a_batch_is_its_poses():
+    both = [np.stack(pair) for pair in zip(lifted(), slack(), strict=True)]
+    many = climb(GRID, *both)
+    for n, poses in enumerate((lifted(), slack())):
+        one = climb(GRID, *poses)
+        assert_allclose(many.rung[n], one.rung)
+        s, t = np.meshgrid(*lines(GRID))
+        assert_allclose(many.points(s, t)[n], one.points(s, t), atol=1e-9)
+        assert many.pose(n).lines() == one.lines()
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (3, 1), (2, 2)])
+def test_arrays_of_every_shape(rows, columns):
+    grid = CupGrid(rows, columns, 0.11, 0.02)
+    found = climb(grid, *slack(grid), lowest=Rung.COUPLED)
+    s, t = np.meshgrid(*lines(grid, overhang=0.01))
+    assert np.isfinite(found.points(s, t)).all()
+    assert found.lines()
+    assert (found.rung == Rung.COUPLED).all()
+
+
+def test_every_coupled_patch_is_what_the_array_of_patches_is():
+    found = climb(GRID, *lifted(height=0.02), lowest=Rung.COUPLED)
+    s, t = np.meshgrid(*lines(GRID))
+    points, patches = coupled_points(GRID, *lifted(height=0.02), s, t)
+    assert_allclose(found.patches.energy, patches.energy, rtol=1e-6, atol=1e-12)
+    assert_allclose(found.points(s, t), points, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-3, np.nan])
+def test_a_tolerance_is_positive(tolerance):
+    with pytest.raises(PlyError, match="tolerance"):
+        climb(GRID, *flat(), tolerance=tolerance)
