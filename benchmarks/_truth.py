@@ -95,23 +95,25 @@ def shapes(case: Case, rung: str) -> list[Array]:
 MODELS: dict[CupGrid, CoupledModel] = {}
 
 
-def scores(every: list[Case], repeats: int) -> dict[str, dict[str, Score]]:
+def scores(
+    every: list[Case], repeats: int, rungs: tuple[str, ...] = RUNGS
+) -> dict[str, dict[str, Score]]:
     """Score of each case by each rung; rungs take turns, so that load is shared."""
     for case in every:
         if case.grid not in MODELS:
             MODELS[case.grid] = CoupledModel(case.grid)
-            for rung in RUNGS:
+            for rung in rungs:
                 shapes(case, rung)  # fills constant matrices
     found: dict[str, dict[str, Score]] = {}
     for case in every:
-        times: dict[str, list[float]] = {rung: [] for rung in RUNGS}
+        times: dict[str, list[float]] = {rung: [] for rung in rungs}
         for _ in range(repeats):
-            for rung in RUNGS:
+            for rung in rungs:
                 start = time.perf_counter()
                 shapes(case, rung)
                 times[rung].append(time.perf_counter() - start)
         found[case.name] = {
-            rung: _score(case, shapes(case, rung), min(times[rung])) for rung in RUNGS
+            rung: _score(case, shapes(case, rung), min(times[rung])) for rung in rungs
         }
     return found
 

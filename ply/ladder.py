@@ -7,10 +7,10 @@ between patches on different rungs takes the shape of the higher one, and the pa
 the lower rung begins there: the surface has no step.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,12 +24,11 @@ from ply.ladder_coupled import solve_cells, with_coupled
 from ply.ladder_estimate import Causes, causes
 from ply.ladder_rungs import (
     Rung,
-    cell_rms,
     cells,
     cheap_rungs,
     faulty_cells,
     joined,
-    probes,
+    strips_apart,
 )
 from ply.measures import measures
 from ply.shape import evaluate
@@ -114,12 +113,13 @@ class Climb:
         """
         s, t = np.broadcast_arrays(np.asarray(s, float), np.asarray(t, float))
         points_st = np.stack([s.ravel(), t.ravel()], axis=-1)
-        poses = self.positions, self.rotations
-        out = evaluate(self.grid, self.fibers, *poses, points_st)
-        if self.patches is not None:
-            own = self._owned(points_st)
-            coupled = blended_points(self.grid, self.model, self.patches, *points_st.T)
-            out = np.where(own[..., None], coupled, out)
+        own = self._owned(points_st)
+        if self.patches is not None and own.any():
+            out = blended_points(self.grid, self.model, self.patches, *points_st.T)
+        if not own.all():
+            poses = self.positions, self.rotations
+            low = evaluate(self.grid, self.fibers, *poses, points_st)
+            out = np.where(own[..., None], out, low) if own.any() else low
         return out.reshape(*self.positions.shape[:-2], *s.shape, 3)
 
     def pose(self, *index: Any) -> "Climb":
@@ -153,6 +153,8 @@ class Climb:
     def _owned(self, points_st: Array) -> NDArray[np.bool_]:
         """Points whose cells are all coupled, shape (..., n)."""
         grid, high = self.grid, self.rung == Rung.COUPLED
+        if self.patches is None:
+            return np.zeros((*high.shape[:-2], len(points_st)), dtype=bool)
         whole = np.ones((*high.shape[:-2], len(points_st)), dtype=bool)
         places = grid.place_t(points_st[:, 1]), grid.place_s(points_st[:, 0])
         cells = [np.stack([p.cup - 1, p.cup]) for p in places]
@@ -195,33 +197,60 @@ def climb(
     Raises:
         PlyError: The tolerance is not positive, or the poses do not fit the grid.
     """
+    poses = np.asarray(positions, float), np.asarray(rotations, float)
+    top = ply_fibers(grid, *poses, model="modal", sides=sides, take_up=take_up)
+    mine = Sides(*(np.where(one == 0, 1, -one) for one in top.sides))
+    turned = ply_fibers(grid, *poses, model="modal", sides=mine, take_up=take_up)
+    options = _Options(tolerance, take_up, model or _model(grid), lowest)
+    return _climb(grid, poses, top, turned, options)
+
+
+class _Options(NamedTuple):
+    """Arguments of `climb`."""
+
+    tolerance: float
+    take_up: float | None
+    model: CoupledModel
+    lowest: Rung
+
+
+def _climb(
+    grid: CupGrid,
+    poses: tuple[Array, Array],
+    top: PlyFibers,
+    turned: PlyFibers,
+    options: _Options,
+) -> Climb:
+    """Climb from modal fibers and what they are like bulged to the other side."""
+    tolerance, take_up, model, lowest = options
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise PlyError("tolerance", f"{tolerance:g} m", "use more than 0")
-    poses = np.asarray(positions, float), np.asarray(rotations, float)
-    cheap = [
-        ply_fibers(grid, *poses, model=name, sides=sides, take_up=take_up)
-        for name in ("cubic", "quartic", "modal")
-    ]
-    model, room = model or _model(grid), SURE * tolerance
+    room = SURE * tolerance
     shape = (*poses[0].shape[:-2], *cells(grid))
     estimate, size = np.zeros(shape), np.zeros(shape)
     reason = np.full(shape, Reason.ALIKE)
     if take_up is None and lowest < Rung.COUPLED and estimate.size:
-        estimate, cause, most = _coupled_estimate(grid, cheap[-1], poses, sides, model)
+        estimate, cause, most = _coupled_estimate(grid, top, turned, poses, model)
         high = estimate >= room
         reason, size = np.where(high, cause, reason), np.where(high, most, estimate)
-    rung, lost = cheap_rungs(grid, cheap, poses, room - estimate)
-    rung = np.where(estimate >= room, Rung.COUPLED, rung)
+    cheap = [top]
+    rung, lost = np.full(shape, Rung.COUPLED), np.zeros(shape)
+    if (estimate < room).any() and lowest < Rung.MODAL:
+        lower = ("cubic", "quartic")
+        cheap = [ply_fibers(grid, *poses, model=m, take_up=take_up) for m in lower]
+        cheap += [top]
+        rung, lost = cheap_rungs(grid, cheap, poses, room - estimate)
+    rung = np.where(estimate < room, np.minimum(rung, Rung.MODAL), Rung.COUPLED)
     size = np.where(reason == Reason.ALIKE, estimate + lost, size)
     if take_up is not None:
         reason[rung == Rung.MODAL] = Reason.TAKE_UP
     reason = np.where(rung < lowest, Reason.ASKED, reason)
-    faulty = faulty_cells(grid, cheap[-1])
+    faulty = faulty_cells(grid, top)
     rung = np.where(faulty, Rung.MODAL, np.maximum(rung, lowest))
     reason = np.where(faulty, Reason.FAULT, reason)
     patches = None
     if (rung == Rung.COUPLED).any():
-        patches = solve_cells(grid, model, poses, cheap[-1].sides, rung == Rung.COUPLED)
+        patches = solve_cells(grid, model, poses, top.sides, rung == Rung.COUPLED)
         fallen = (rung == Rung.COUPLED) & (patches.status != CoupledStatus.CONVERGED)
         rung = np.where(fallen, Rung.MODAL, rung)
         reason = np.where(fallen, Reason.NOT_STABLE, reason)
@@ -254,7 +283,7 @@ def ladder_alternatives(
         positions: Centers of the suction faces, shape (n_cups, 3), in [m].
         rotations: Cup frames, shape (n_cups, 3, 3).
         count: Largest number of shapes.
-        tolerance: As for `climb`; shapes closer than that are one.
+        tolerance: As for `climb`; shapes whose strips are closer than that are one.
         take_up: As for `climb`.
         model: As for `climb`.
         lowest: As for `climb`.
@@ -263,26 +292,24 @@ def ladder_alternatives(
         The shapes along a first batch axis, one or more.
     """
     poses = np.asarray(positions, float), np.asarray(rotations, float)
-    options: dict[str, Any] = {"tolerance": tolerance, "take_up": take_up}
-    options |= {"model": model, "lowest": lowest}
-    if grid.n_cups == 1:
-        return climb(grid, *(pose[None] for pose in poses), **options)
+    options = _Options(tolerance, take_up, model or _model(grid), lowest)
     offered = alternatives(grid, *poses, count=count, take_up=take_up)
-    sides = [fibers.sides for fibers, _ in offered]
-    both = Sides(*(np.stack(family) for family in zip(*sides, strict=True)))
-    many = [np.broadcast_to(pose, (len(sides), *pose.shape)) for pose in poses]
-    found = climb(grid, *many, sides=both, **options)
+    top = _stacked([fibers for fibers, _ in offered])
+    many = tuple(np.broadcast_to(pose, (len(offered), *pose.shape)) for pose in poses)
+    turned = top
+    if len(offered) > 1 or count == 1:  # else no strip has another side
+        other = Sides(*(np.where(one == 0, 1, -one) for one in top.sides))
+        turned = ply_fibers(grid, *many, model="modal", sides=other, take_up=take_up)
+    found = _climb(grid, (many[0], many[1]), top, turned, options)
     energy = np.array([value for _, value in offered])
     if found.patches is not None and (found.rung == Rung.COUPLED).all():
         energy = found.patches.energy.sum(axis=(-1, -2))
     order = np.argsort(energy, kind="stable")
     if len(order) == 1:
         return found
-    lines = probes(grid)
-    points = found.points(*np.meshgrid(lines.s, lines.t))
     kept: list[int] = []
     for n in order.tolist():
-        apart = [cell_rms(grid, points[n], points[m]).max() for m in kept]
+        apart = (strips_apart(found.fibers.pose(n), found.fibers.pose(m)) for m in kept)
         if min(apart, default=np.inf) >= tolerance:
             kept.append(n)
     return found.pose(np.array(kept))
@@ -293,17 +320,20 @@ def _model(grid: CupGrid) -> CoupledModel:
     return CoupledModel(grid)
 
 
+def _stacked(shapes: list[PlyFibers]) -> PlyFibers:
+    """Fibers of several poses along a first batch axis."""
+    names = (one.name for one in fields(PlyFibers))
+    return PlyFibers(*(np.stack([getattr(x, n) for x in shapes]) for n in names))
+
+
 def _coupled_estimate(
     grid: CupGrid,
     fibers: PlyFibers,
+    turned: PlyFibers,
     poses: tuple[Array, Array],
-    sides: Sides | None,
     model: CoupledModel,
 ) -> tuple[Array, NDArray[np.int64], Array]:
     """Estimate of what coupling changes, its largest cause, and that cause's size."""
-    mine = fibers.sides
-    other = Sides(*(np.where(one == 0, 1, -one) for one in mine))
-    turned = ply_fibers(grid, *poses, model="modal", sides=other)
     found = measures(grid, *poses, model.bending, 0.0, shear_stiffness=model.shear)
     parts: Causes = causes(grid, fibers, turned, found)
     every = np.stack(parts)

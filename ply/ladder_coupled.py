@@ -1,6 +1,7 @@
 """Coupled cells within a ply of other rungs: solved where asked, edges shared."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def with_coupled(
     curves = {}
     for axis, name in enumerate("st"):
         old = getattr(fibers, name)
-        terms = model.order + 4  # a Hermite cubic and `order` bubbles
+        terms = model.order + 4
         new = np.zeros((*old.shape[:-2], terms, 3))
         new[..., : old.shape[-2], :] = old
         if patches.region == Region.PATCH:
@@ -75,17 +76,32 @@ def with_coupled(
 def _strip_curves(
     model: CoupledModel, patches: CoupledPatches, axis: int, which: int
 ) -> Array:
-    """Curves along a strip of coupled cells: coefficients, shape (..., 3, terms, 3).
+    """Curves along a strip of coupled cells: coefficients, shape (..., 3, terms, 3)."""
+    free, cups = _strip_rows(model, patches.region, axis, which)
+    curves = free @ patches.coefficients + cups @ patches.cups
+    return curves.reshape(*patches.energy.shape, len(EDGES), -1, 3)
 
-    They are polynomials, so that as many points as terms give them exactly.
+
+@cache
+def _strip_rows(
+    model: CoupledModel, region: Region, axis: int, which: int
+) -> tuple[Array, Array]:
+    """Constant matrices to those coefficients, from unknowns and from cups.
+
+    The curves are polynomials, so that as many points as terms give them exactly.
     """
-    grid, terms = model.grid, model.order + 4
+    grid, terms = model.grid, model.order + 4  # a Hermite cubic and `order` bubbles
     u = (1 - np.cos(np.pi * np.arange(terms) / (terms - 1))) / 2
     lateral = which * grid.pitch + grid.half_width * EDGES
     along = grid.half_width + grid.span * u
-    places = np.broadcast_arrays(along, lateral[:, None])
-    points = model.points(patches, *(places if axis == 0 else places[::-1]))
-    return np.asarray(np.linalg.inv(powers(u, terms)) @ points)
+    s, t = np.broadcast_arrays(along, lateral[:, None])
+    rows = model.rows(region, *((s, t) if axis == 0 else (t, s)))
+    inverse = np.linalg.inv(powers(u, terms))
+    free, cups = (
+        (inverse @ one.reshape(len(EDGES), terms, -1)).reshape(one.shape)
+        for one in rows
+    )
+    return free, cups
 
 
 def _edges_of_their_own(

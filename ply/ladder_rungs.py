@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ply.fiber import Array, FiberStatus, dot
+from ply.fiber import Array, FiberStatus, dot, powers
 from ply.grid import CupGrid
 from ply.ladder_estimate import largest_around
 from ply.sampling import PlySampling
@@ -107,6 +107,8 @@ def faulty_cells(grid: CupGrid, fibers: PlyFibers) -> NDArray[np.bool_]:
 
 def joined(grid: CupGrid, cheap: list[PlyFibers], rung: NDArray[np.int64]) -> PlyFibers:
     """Fibers of each strip on the highest cheap rung of the cells around it."""
+    if len(cheap) == 1:
+        return cheap[0]
     top, curves = cheap[-1], {}
     for axis, name in enumerate("st"):
         level = _strip_rung(grid, rung, axis)[..., None, None, None]
@@ -142,3 +144,13 @@ def _as_modal(curves: Array) -> Array:
     if count == 2:  # the middle of a ruled strip
         out[..., 1, :terms, :] = curves.mean(axis=-3)
     return out
+
+
+def strips_apart(first: PlyFibers, second: PlyFibers) -> float:
+    """Largest rms distance between a strip of two shapes, in [m]."""
+    most = 0.0
+    for a, b in ((first.s, second.s), (first.t, second.t)):
+        away = powers(IN_SPAN, a.shape[-2]) @ (a - b)
+        square = dot(away, away).mean(axis=(-1, -2))
+        most = max(most, float(np.sqrt(square.max(initial=0.0))))
+    return most
