@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.ply import median_time
+from benchmarks._timing import median_time
 from ply.coupled import CoupledModel
 from ply.coupled_choice import coupled_alternatives
 from ply.grid import CupGrid

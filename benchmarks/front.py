@@ -1,10 +1,10 @@
 """Time of the front check: a whole 6 x 8 ply, pose by pose, and where it goes."""
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks._timing import median_time
 from drapeplan.flood import air_margins, escape_level, pass_level, premature_margins
 from drapeplan.front import (
     FrontGrid,
@@ -81,14 +81,3 @@ def path(grid: FrontGrid, spoil: bool = False) -> tuple[np.ndarray, ...]:
     placed = reach + 0.04 <= front[:, :, 0]
     landing = ~placed & (reach - 0.09 <= front[:, :, 0])
     return h + front_grid()[1], placed, landing
-
-
-def median_time(task: Callable[[], object], repeats: int) -> float:
-    """Median time of a task after a first run that compiles, in [s]."""
-    task()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        task()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from benchmarks.ply import GRID, OVERHANG, STEP, median_time, poses
+from benchmarks._timing import median_time
+from benchmarks.ply import GRID, OVERHANG, STEP, poses
 from ply.jacobian import point_jacobian
 from ply.shape import PlySampling, ply_fibers
 from ply.window import PlyWindow, window

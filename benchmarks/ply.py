@@ -1,10 +1,8 @@
 """Time of the ply model: the 6 x 8 ply at 10 mm with its overhang."""
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 
+from benchmarks._timing import median_time
 from benchmarks._truth import run_truth
 from ply.fiber import quartic_fibers
 from ply.grid import CupGrid
@@ -98,14 +96,3 @@ def fiber_ends(count: int) -> tuple[np.ndarray, ...]:
     tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
     chords = GRID.s_length * (along + 0.01 * rng.normal(size=(count, 3)))
     return np.zeros((count, 3)), chords, tangents[0], tangents[1]
-
-
-def median_time(task: Callable[[], object], repeats: int) -> float:
-    """Median time of a task, in [s], after one unmeasured run."""
-    task()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        task()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))
