@@ -1,5 +1,7 @@
 """Time of the ply model: the 6 x 8 ply at 10 mm with its overhang."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from benchmarks._timing import median_time
