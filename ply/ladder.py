@@ -2,7 +2,7 @@
 
 All fibers climb the cheap rungs together, cubic, quartic, modal, and each patch stays
 where no cheap rung above differs by the tolerance. Whether the coupled patch would is
-estimated (`ply.ladder_estimate`, D17) and only where it may, it is solved. A strip
+estimated (`ply.ladder_estimate`, D18) and only where it may, it is solved. A strip
 between patches on different rungs takes the shape of the higher one, and the patch on
 the lower rung begins there: the surface has no step.
 """

@@ -1,7 +1,7 @@
 r"""How far the coupled patch may lie from independent fibers: what `auto` asks first.
 
 Each estimate is a root mean square normal distance over a cell, which is a patch with
-its strips, or a strip alone. Where they come from and how they were scaled: D17.
+its strips, or a strip alone. Where they come from and how they were scaled: D18.
 """
 
 from functools import partial
@@ -14,7 +14,7 @@ from ply.grid import CupGrid
 from ply.measures import Measures
 from ply.weave import PlyFibers
 
-FLAT = 0.2  # [-] of the relief of the ply beside a cup that is flat; D17
+FLAT = 0.2  # [-] of the relief of the ply beside a cup that is flat; D18
 COUPLING = 0.1  # [-] of the change of bow of a patch's middle fibers
 SHEAR = 1.0  # [-] of what shear adds to a curved patch
 SLIDE = 1.0  # [-] of the bow of the length that a lone strip gains by shear
