@@ -1,8 +1,7 @@
 """The ply between measured cups: its shape as a table, its fibers as a report."""
 
 import csv
-import os
-import tempfile
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from drapeplan.cups_file import MM, Cups, read_cups
 from drapeplan.errors import InputError
+from drapeplan.files import write_text
 from drapeplan.shape_models import Held, hold
 from ply.errors import PlyError
 from ply.fiber import FiberStatus, LengthStatus, bubble_height
@@ -123,21 +123,10 @@ def write_csv(path: str | Path, rows: Array) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    target, name = Path(path), None
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", dir=target.parent, prefix=f".{target.name}.", delete=False, newline=""
-        ) as file:
-            name = file.name
-            file.write(",".join(HEADER) + "\n")
-            np.savetxt(file, rows, fmt="%.6f", delimiter=",")
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except OSError as error:
-        if name is not None:
-            Path(name).unlink(missing_ok=True)
-        problem = f"cannot be written ({error.strerror})"
-        raise InputError(str(path), "", problem, "check the folder") from None
+    content = io.StringIO()
+    content.write(",".join(HEADER) + "\n")
+    np.savetxt(content, rows, fmt="%.6f", delimiter=",")
+    write_text(Path(path), content.getvalue())
 
 
 def _read_points(cups: Cups, source: str) -> Array:

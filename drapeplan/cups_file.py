@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drapeplan.errors import InputError
+from drapeplan.files import read_text
 from ply.errors import PlyError
 from ply.grid import CupGrid
 
@@ -113,7 +114,7 @@ def read_cups(path: str | Path) -> Cups:
             numbers that no cup array has.
     """
     source = str(path)
-    entry = _parse(source, _read(source))
+    entry = _parse(source, read_text(source, "give a JSON file"))
     grid = _grid(source, entry.grid)
     positions, rotations = _poses(source, grid, entry.cups)
     return Cups(
@@ -126,18 +127,6 @@ def read_cups(path: str | Path) -> Cups:
         source,
         (entry.grid.s_length_mm is not None, entry.grid.t_length_mm is not None),
     )
-
-
-def _read(source: str) -> str:
-    try:
-        return Path(source).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(source, "", "no such file", "check the path") from None
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise InputError(source, "", problem, "check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(source, "", "is no text", "give a JSON file") from None
 
 
 def _parse(source: str, text: str) -> CupsFile:

@@ -42,6 +42,27 @@ def write_text(path: Path, content: str) -> None:
     write_bytes(path, content.encode("utf-8"))
 
 
+def read_text(source: str, remedy: str) -> str:
+    """Text of a file in UTF-8, with or without a byte order mark.
+
+    Args:
+        source: The file.
+        remedy: What to do where it is no text.
+
+    Raises:
+        InputError: There is no such file, it cannot be read, or it is no text.
+    """
+    try:
+        return Path(source).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(source, "", "no such file", "check the path") from None
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror})"
+        raise InputError(source, "", problem, "check the path") from None
+    except UnicodeDecodeError:
+        raise InputError(source, "", "is no text", remedy) from None
+
+
 def check_outputs(outputs: list[Path], inputs: list[Path]) -> None:
     """Refuse, before any work, outputs that cannot be written or would do harm.
 

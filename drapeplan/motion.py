@@ -229,19 +229,17 @@ def explain(
     Returns:
         None if nothing is broken.
     """
-    must = np.where(landing, 1.0, 0.0)
+    allowed = np.where(landing, LANDED, WAITED)
     breaks = [
-        (np.abs(solution.closure).max() / CLOSED, _closure),
-        (
-            (solution.position_error / np.where(landing, LANDED, WAITED)).max(),
-            _position,
-        ),
-        (np.max(solution.angle_error * must, initial=0) / ALIGNED, _angle),
-        (solution.limit_excess.max() / LIMIT, _limit),
-        (solution.chord_excess.max() / CHORD, _chord),
+        (np.abs(solution.closure) / CLOSED, _closure),
+        (solution.position_error / allowed, _position),
+        (np.where(landing, solution.angle_error, 0.0) / ALIGNED, _angle),
+        (solution.limit_excess / LIMIT, _limit),
+        (solution.chord_excess / CHORD, _chord),
     ]
-    worst, words = max(breaks, key=lambda pair: pair[0])
-    return words(robot, solution, must) if worst > 1 else None
+    shares, words = max(breaks, key=lambda pair: pair[0].max())
+    worst = int(shares.argmax())
+    return words(robot, solution, worst) if shares[worst] > 1 else None
 
 
 def _cup(robot: Robot, index: int) -> str:
@@ -253,33 +251,25 @@ def _pair(robot: Robot, index: int) -> str:
     return f"{_cup(robot, int(i))} and {_cup(robot, int(j))}"
 
 
-def _closure(
-    robot: Robot, solution: StrokeSolution, must: Array
-) -> tuple[str, str, str]:
-    k = int(np.abs(solution.closure).argmax())
+def _closure(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
     word = "longer" if solution.closure[k] > 0 else "shorter"
     what = f"rigid interlinks cannot reach it: the one between {_pair(robot, k)}"
     excess = f"{1e3 * abs(solution.closure[k]):.3g} mm"
     return f"{what} would have to be {word}", excess, OUTWARD
 
 
-def _position(
-    robot: Robot, solution: StrokeSolution, must: Array
-) -> tuple[str, str, str]:
-    k = int(solution.position_error.argmax())
+def _position(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
     what = f"rigid interlinks cannot reach it: {_cup(robot, k)} misses its request"
     return what, f"{1e3 * solution.position_error[k]:.3g} mm", OUTWARD
 
 
-def _angle(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:
-    k = int((solution.angle_error * must).argmax())
+def _angle(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
     what = f"{_cup(robot, k)} misses the angle of its target"
     remedy = "raise ply.take_up_mm, widen the ball's limit or place the mold flatter"
     return what, f"{np.degrees(solution.angle_error[k]):.3g} deg", remedy
 
 
-def _limit(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:
-    k = int(solution.limit_excess.argmax())
+def _limit(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
     name = robot.model.names[1 + k]
     unit = "mm" if name.endswith("stroke") else "deg"
     size = 1e3 if unit == "mm" else np.degrees(1.0)
@@ -288,8 +278,7 @@ def _limit(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, st
     return what, f"{size * solution.limit_excess[k]:.3g} {unit}", remedy
 
 
-def _chord(robot: Robot, solution: StrokeSolution, must: Array) -> tuple[str, str, str]:
-    k = int(solution.chord_excess.argmax())
+def _chord(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
     what = f"a fiber between {_pair(robot, k // 2)} is too short"
     remedy = "raise ply.take_up_mm if the weave allows it, or lift less (path)"
     return what, f"{1e3 * solution.chord_excess[k]:.3g} mm", remedy

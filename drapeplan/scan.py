@@ -8,6 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from drapeplan.errors import InputError
+from drapeplan.files import read_text
 
 Array = NDArray[np.float64]
 
@@ -85,20 +86,8 @@ def _check(source: str, points: Array) -> None:
         raise InputError(source, "", problem, f"give {LEAST} or more")
 
 
-def _read_text(source: str) -> list[str]:
-    try:
-        return Path(source).read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise InputError(source, "", "no such file", "check the path") from None
-    except OSError as error:
-        problem = f"cannot be read ({error.strerror})"
-        raise InputError(source, "", problem, "check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(source, "", "is no text", "export it as text") from None
-
-
 def _read_csv(source: str) -> Array:
-    lines = _read_text(source)
+    lines = read_text(source, "export it as text").splitlines()
     names = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in HEADER if name not in names]
     if missing:
@@ -111,7 +100,7 @@ def _read_csv(source: str) -> Array:
 
 def _read_xyz(source: str) -> Array:
     rows = []
-    for n, line in enumerate(_read_text(source), 1):
+    for n, line in enumerate(read_text(source, "export it as text").splitlines(), 1):
         words = line.split("#")[0].translate(SEPARATORS).split()
         if words:
             rows.append((n, [words[k : k + 1] for k in range(3)]))
