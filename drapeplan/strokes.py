@@ -10,7 +10,7 @@ from scipy.sparse import block_diag, csc_matrix
 
 from drapeplan.closures import Chords, Closures
 from drapeplan.frames import rotation_vectors
-from drapeplan.qp import QuadraticProgram, solve
+from drapeplan.qp import QpSolver, QuadraticProgram
 from drapeplan.robot import Robot, State, face_jacobian
 
 Array = NDArray[np.float64]
@@ -22,7 +22,6 @@ WAITING = 0.02  # [-] weight of cups that neither stand nor land
 DAMPING = 1e-6  # [-] keeps the Hessian definite
 TRUST = 0.15  # [rad], [m] longest step of one linearization
 STEPS = 12  # most linearizations
-FEASIBLE = 1e-3  # [mm], [rad] largest violation of a program that counts as solved
 SETTLED = 1e-9  # [rad], [m] step at which the iteration has settled
 
 
@@ -74,6 +73,7 @@ class StrokeSolver:
         self.robot = robot
         self.closures, self.chords = Closures(robot), Chords(robot)
         self.longest_fiber = longest_fiber
+        self.qp = QpSolver()
 
     def solve(
         self,
@@ -109,11 +109,9 @@ class StrokeSolver:
             state = robot.kinematics(q)
             program = self._program(state, request, ~fixed, weights, columns)
             box = np.clip([lower - q[columns], upper - q[columns]], -TRUST, TRUST)
-            solution = solve(
-                QuadraticProgram(*program, *box),
-            )
+            solution = self.qp.solve(QuadraticProgram(*program, *box))
             programs += 1
-            found = solution.found and solution.violation < FEASIBLE
+            found = solution.found
             if not found:
                 break
             q[columns] += solution.x
