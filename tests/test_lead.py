@@ -1,0 +1,133 @@
+"""The leading QP, on responses whose optimum is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drapeplan.closures import Chords
+from drapeplan.lead import KEEP, LONGEST, SINK, TILT_LEVER, StrokeLead, Task
+from drapeplan.legs import rotation
+from drapeplan.rings import outward, ring_of
+from drapeplan.robot import Robot, arm_description
+from urdf import read_tool
+
+SPAN = 0.07  # [m]
+WIDE = (-0.1, 0.1)  # [m]
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """Arm and tool of the examples."""
+    return Robot(arm_description("ur10"), *read_tool("drape_tool_6x8"))
+
+
+@pytest.fixture
+def flat(robot):
+    """All cups level on a square grid, nothing placed but cup (3, 2)."""
+    i, j = np.divmod(np.arange(robot.n_cups), robot.columns)
+    positions = np.stack([j, i, 0 * i], axis=1) * robot.pitch
+    return positions, np.tile(np.eye(3), (robot.n_cups, 1, 1))
+
+
+def respond(n, free, lift=1.0, lean=0.0):
+    """Each stroke lifts its own cup, and leans it about t, in [rad/m]."""
+    position, turn = np.zeros((2, n, 3, len(free)))
+    position[free, 2, np.arange(len(free))] = -lift
+    turn[free, 1, np.arange(len(free))] = lean
+    return SimpleNamespace(position=position, rotation=turn)
+
+
+def task(robot, request, toe_up=0.0):
+    """Cup (3, 2) stands, its neighbors on the right and left land."""
+    placed, landing = np.zeros((2, robot.n_cups), bool)
+    placed[3 * robot.columns + 2] = True
+    landing[3 * robot.columns + np.array([1, 3])] = True
+    size = robot.rows, robot.columns
+    ring = ring_of(*size, placed, landing)
+    return placed, Task(request, ring, outward(*size, placed), toe_up)
+
+
+def corrected(robot, flat, work, placed, response, room=WIDE, slack=1e-2):
+    """Strokes of all cups, zero for placed ones."""
+    free = np.flatnonzero(~placed)
+    limits = tuple(np.full(len(free), x) for x in room)
+    lead = StrokeLead(Chords(robot), SPAN + slack)
+    x = lead.correction(flat, response, work, np.zeros(len(free)), limits)
+    out = np.zeros(robot.n_cups)
+    out[free] = x
+    return out
+
+
+def test_heights_follow_the_landing_ring(robot, flat):
+    """A landing cup that stands 2 mm high is brought down, up to the pull of KEEP."""
+    high = flat[0] + [0, 0, 2e-3], flat[1]
+    placed, work = task(robot, flat)
+    response = respond(robot.n_cups, np.flatnonzero(~placed))
+    x = corrected(robot, high, work, placed, response)
+    landing = work.ring == 1
+    np.testing.assert_allclose(x[landing], 2e-3 / (1 + KEEP), rtol=1e-4)
+
+
+def test_far_cups_may_not_sink(robot, flat):
+    """A stroke that levels a far cup by lowering it stops at what it may sink."""
+    request = flat[0], np.tile(rotation("y", np.array(0.1)), (robot.n_cups, 1, 1))
+    placed, work = task(robot, request)
+    response = respond(robot.n_cups, np.flatnonzero(~placed), lean=20.0)
+    x = corrected(robot, flat, work, placed, response)
+    far = work.ring > 1
+    n = request[1][0][:, 2]
+    np.testing.assert_allclose(x[far] * n[2], SINK, rtol=1e-3)
+    assert (x[work.ring == 1] > 10 * SINK).all()
+
+
+def test_tilts_are_led_against_height(robot, flat):
+    """One stroke, one tilt, one height: the weighted least squares by hand."""
+    lean, ask = 20.0, 0.02
+    request = flat[0], np.tile(rotation("y", np.array(ask)), (robot.n_cups, 1, 1))
+    placed, work = task(robot, request)
+    response = respond(robot.n_cups, np.flatnonzero(~placed), lean=lean)
+    x = corrected(robot, flat, work, placed, response)[work.ring == 1]
+    n = request[1][0][:, 2]
+    gain = TILT_LEVER * lean * 1e-3
+    best = gain * TILT_LEVER * ask / (gain**2 + n[2] ** 2 + KEEP)
+    np.testing.assert_allclose(1e3 * x, best, rtol=1e-3)
+
+
+def test_toe_up_leans_outward_edges_up(robot, flat):
+    """Cups on either side of the placed one lean to either side."""
+    placed, work = task(robot, flat, toe_up=0.01)
+    response = respond(robot.n_cups, np.flatnonzero(~placed), lean=20.0)
+    x = corrected(robot, flat, work, placed, response)
+    left, right = 3 * robot.columns + np.array([1, 3])
+    turn = 20.0 * x[[left, right]]  # about t: lowers what lies along +s
+    assert turn[0] > 1e-3
+    assert turn[1] < -1e-3
+
+
+def test_strokes_stay_in_their_room(robot, flat):
+    """Limits hold, and so does the longest correction."""
+    high = flat[0] + [0, 0, 0.05], flat[1]
+    placed, work = task(robot, flat)
+    response = respond(robot.n_cups, np.flatnonzero(~placed))
+    x = corrected(robot, high, work, placed, response, room=(-1e-3, 3e-3))
+    np.testing.assert_allclose(x[work.ring == 1], 3e-3, rtol=1e-6)
+    x = corrected(robot, high, work, placed, response)
+    np.testing.assert_allclose(x[work.ring == 1], LONGEST, rtol=1e-6)
+
+
+def test_fibers_are_not_stretched(robot, flat):
+    """A pull apart stops where the fiber to the placed cup is taut."""
+    wanted = flat[0] + 0.0
+    placed, work = task(robot, (wanted, flat[1]))
+    free = np.flatnonzero(~placed)
+    response = respond(robot.n_cups, free)
+    right = 3 * robot.columns + 3
+    wanted[right, 2] = -5e-3
+    column = int(np.flatnonzero(free == right)[0])
+    response.position[right, 0, column] = 1.0  # its stroke also carries it outward
+    slack = 0.5e-3
+    x = corrected(robot, flat, work, placed, response, slack=slack)
+    assert x[right] == pytest.approx(slack, rel=1e-3)
+    loose = corrected(robot, flat, work, placed, response, slack=1e-2)
+    assert loose[right] > 4e-3
