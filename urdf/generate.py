@@ -70,7 +70,7 @@ def tool_sidecar(spec: ToolSpec) -> dict[str, Any]:
     cups = [
         [list(divmod(cup, spec.columns)) for cup in pair] for pair in pairs.tolist()
     ]
-    return {
+    data: dict[str, Any] = {
         "format": FORMAT,
         "name": spec.name,
         "grid": {
@@ -104,6 +104,9 @@ def tool_sidecar(spec: ToolSpec) -> dict[str, Any]:
             "pairs": cups,
         },
     }
+    if spec.interlink_length_range:
+        data["interlinks"]["length_range_m"] = spec.interlink_length_range
+    return data
 
 
 def sidecar_text(spec: ToolSpec) -> str:

@@ -24,6 +24,7 @@ class Interlinks:
         kind: "rigid" with balls at its ends, or "resilient", clamped to the cups.
         height: Ends above the suction face, [m].
         length: Distance that a link holds between its ends, [m].
+        length_range: How far the length may go from there, either way, [m].
         mass: One link, [kg].
         bending_stiffness: Equivalent, [N m]; 0 where rigid.
         pairs: Indices of both cups, shape (m, 2), read-only.
@@ -35,6 +36,17 @@ class Interlinks:
     mass: float
     bending_stiffness: float
     pairs: NDArray[np.int64]
+    length_range: float = 0.0
+
+    @property
+    def shortest(self) -> float:
+        """Least distance between the ends, [m]."""
+        return self.length - self.length_range
+
+    @property
+    def longest(self) -> float:
+        """Largest distance between the ends, [m]."""
+        return self.length + self.length_range
 
 
 @dataclass(frozen=True)
@@ -200,19 +212,29 @@ class _Reader:
             self.refuse(key, "must be " + " and ".join(named or ["finite"]))
         return float(value)
 
+    def optional(self, key: str, default: float, least: float, below: float) -> float:
+        """A number within bounds, or its default where the key is missing."""
+        head, _, last = key.rpartition(".")
+        group = self(head)
+        if not isinstance(group, Mapping) or last not in group:
+            return default
+        return self.number(key, least=least, below=below)
+
 
 def _interlinks(read: _Reader, rows: int, columns: int) -> Interlinks:
     """Read the links, which must join neighboring cups, each pair once."""
     kind = read("interlinks.kind")
     if kind not in KINDS:
         read.refuse("interlinks.kind", f"must be {' or '.join(KINDS)}")
+    length = read.number("interlinks.length_m", above=0)
     return Interlinks(
         kind,
         read.number("interlinks.height_m"),
-        read.number("interlinks.length_m", above=0),
+        length,
         read.number("interlinks.mass_kg", least=0),
         read.number("interlinks.bending_stiffness_Nm", least=0),
         _pairs(read, rows, columns),
+        read.optional("interlinks.length_range_m", 0.0, least=0, below=length),
     )
 
 

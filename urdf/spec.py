@@ -14,6 +14,7 @@ KINDS = ("rigid", "resilient")
 SIGNED = ("interlink_height", "cup_center_of_mass")
 MAY_BE_ZERO = (
     "interlink_mass",
+    "interlink_length_range",
     "interlink_bending_stiffness",
     "universal_stiffness",
     "ball_stiffness",
@@ -54,6 +55,8 @@ class ToolSpec:
         cup_center_of_mass: Its center of mass above the ball, [m]; negative: below.
         interlink_kind: "rigid" with balls at its ends, or "resilient", clamped.
         interlink_height: Ends above the suction face, [m]; negative: below.
+        interlink_length_range: How far its length may go from the pitch, either way,
+            [m]; 0 holds it.
         interlink_mass: One interlink, [kg].
         interlink_bending_stiffness: Equivalent, [N m]; 0 where rigid.
         universal_stiffness: Spring of ux and of uy, [N m/rad].
@@ -85,6 +88,7 @@ class ToolSpec:
     cup_center_of_mass: float = 0.0015
     interlink_kind: str = "rigid"
     interlink_height: float = 0.0
+    interlink_length_range: float = 0.0
     interlink_mass: float = 0.02
     interlink_bending_stiffness: float = 0.0
     universal_stiffness: float = 0.0
@@ -134,6 +138,8 @@ class ToolSpec:
         """Fields agree with one another."""
         if self.half_width * 2 >= self.pitch:
             self._refuse("half_width", f"less than half the pitch, {self.pitch} m")
+        if self.interlink_length_range >= self.pitch:
+            self._refuse("interlink_length_range", f"less than {self.pitch} m")
         if self.leg_max <= self.leg_min:
             self._refuse("leg_max", f"more than leg_min, {self.leg_min} m")
         for field in ("universal_limit", "ball_limit", "yaw_limit"):
