@@ -10,22 +10,39 @@ from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
 from drapeplan.errors import InfeasibleError
+from drapeplan.explain import OUTWARD, Reason, explain, explain_rows
 from drapeplan.legs import leg_coordinates
 from drapeplan.path import CupState, Path
-from drapeplan.robot import ReachError, Robot
-from drapeplan.strokes import StrokeSolution, StrokeSolver
+from drapeplan.relaxation import OpenRow, relax_step
+from drapeplan.robot import ReachError
+from drapeplan.strokes import (
+    ALIGNED,
+    CLOSED,
+    LANDED,
+    LIMIT,
+    WAITED,
+    Step,
+    StrokeSolution,
+    StrokeSolver,
+    StrokeStatus,
+)
+
+__all__ = [
+    "ALIGNED",  # what a motion is held to, for those who judge it
+    "CLOSED",
+    "LANDED",
+    "LIMIT",
+    "WAITED",
+    "Motion",
+    "StrokesError",
+    "follow",
+    "schedule",
+]
 
 Array = NDArray[np.float64]
 
-CLOSED = 1e-6  # [m] largest error of an interlink's length: 1e-3 mm
-CHORD = 1e-6  # [m] largest excess of a chord over its fiber
-LIMIT = 1e-6  # [rad], [m] largest excess over a joint limit
-LANDED = 1e-4  # [m] largest distance of a landed cup from its target: 0.1 mm
-WAITED = 1e-3  # [m] largest distance of a waiting cup from its request: 1 mm
-ALIGNED = np.radians(0.1)  # [rad] largest angle of a landed cup from its target
 STILL = 1e-12  # [rad], [m] legs that change by less than this do not move
 SHORTEST = 0.05  # [s] shortest time between waypoints outside the wave
-OUTWARD = "place the cups from the start outward, neighbor by neighbor"
 DIGITS = 12  # joint positions are rounded to this, so that a file holds them exactly
 
 
@@ -51,12 +68,20 @@ class StrokesError(InfeasibleError):
         waypoint: Index of the first waypoint that it cannot reach.
         phase: Phase of that waypoint.
         step: Wave step, -1 outside the wave.
+        status: How the iteration over its QPs ended.
+        rows: Constraints that stay open when all of them are relaxed, the worst first.
     """
 
     def __init__(
-        self, reason: tuple[str, str, str], waypoint: int, phase: str, step: int
+        self,
+        reason: Reason,
+        place: tuple[int, str, int],
+        status: StrokeStatus,
+        rows: tuple[OpenRow, ...],
     ) -> None:
-        """Prefix the reason with its moment."""
+        """Prefix the reason with its moment: waypoint, phase and wave step."""
+        waypoint, phase, step = place
+        self.status, self.rows = status, rows
         what, excess, remedy = reason
         moment = phase
         if phase == "wave":
@@ -142,22 +167,20 @@ class _Follower:
 
     def advance(self, k: int) -> None:
         """Append the joint positions and the time of waypoint k."""
-        path, robot = self.path, self.robot
+        path = self.path
         if k == 0 or not np.array_equal(path.tool[k], path.tool[k - 1]):
             self.arm = np.round(self.reach(k), DIGITS)
         previous = self.rows[-1] if self.rows else None
         guess, fixed = self._guess(k, previous)
         landing = path.states[k] >= CupState.LANDING
         request = path.positions[k], path.rotations[k]
-        solution = self.solver.solve(
+        step = self.solver.step(
             guess, previous, request, fixed, landing, self._duration(k)
         )
-        reason = explain(robot, solution, landing & ~fixed)
-        if reason:  # the constraint that the request itself breaks says more
-            asked = self.solver.judge(guess, request)
-            reason = explain(robot, asked, landing & ~fixed) or reason
-            reason = self._too_fast(k, guess, previous) or reason
-            raise StrokesError(reason, k, path.phase[k], int(path.step[k]))
+        solution, failure = self._solve(step)
+        if failure:
+            place = k, path.phase[k], int(path.step[k])
+            raise StrokesError(failure[0], place, solution.status, failure[1])
         self.rows.append(np.round(solution.q, DIGITS))
         self.programs.append(solution.programs)
 
@@ -172,18 +195,25 @@ class _Follower:
         except ReachError as error:
             raise ReachError(error.target, error.error, self.path.phase[k]) from error
 
-    def _too_fast(
-        self, k: int, guess: Array, previous: Array | None
-    ) -> tuple[str, str, str] | None:
-        """The joint that would have to move too fast for the wave's time, if any."""
-        if previous is None:
-            return None
-        share = np.abs(guess - previous) / (self.robot.velocity * self._duration(k))
-        joint = int(share.argmax())
-        if share[joint] <= 1:
-            return None
-        what = f"joint {self.robot.model.names[1 + joint]} passes its speed limit"
-        return what, f"{100 * (share[joint] - 1):.0f} %", "raise motion.step_time_s"
+    def _solve(
+        self, step: Step
+    ) -> tuple[StrokeSolution, tuple[Reason, tuple[OpenRow, ...]] | None]:
+        """Legs that follow a step, or why none do.
+
+        What the QPs do not follow is relaxed: either some rows stay open, which are
+        the reason, or none do, and the legs take the point where all hold.
+        """
+        robot, solver = self.robot, self.solver
+        landing = step.landing & ~step.fixed
+        solution = solver.solve(step)
+        if solution.found and not explain(robot, solution, landing):
+            return solution, None
+        relaxed = relax_step(solver, step)
+        if relaxed.rows:
+            return solution, (explain_rows(robot, relaxed.rows), relaxed.rows)
+        solution = solver.hold(step, relaxed.q)
+        reason = explain(robot, solution, landing)
+        return solution, (reason, ()) if reason else None
 
     def _guess(self, k: int, previous: Array | None) -> tuple[Array, NDArray[np.bool_]]:
         """Closed-form legs, and which of them stay as they were.
@@ -214,71 +244,3 @@ class _Follower:
         same = path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
         before = path.tau[k - 1] if same else 0.0
         return float(self.cell.scene.motion.step_time_s * (path.tau[k] - before))
-
-
-def explain(
-    robot: Robot, solution: StrokeSolution, landing: NDArray[np.bool_]
-) -> tuple[str, str, str] | None:
-    """What a solution breaks worst: what, by how much, what would help.
-
-    Args:
-        robot: Arm and tool.
-        solution: Result of the stroke QP.
-        landing: Cups that must meet their request, shape (n,).
-
-    Returns:
-        None if nothing is broken.
-    """
-    allowed = np.where(landing, LANDED, WAITED)
-    breaks = [
-        (np.abs(solution.closure) / CLOSED, _closure),
-        (solution.position_error / allowed, _position),
-        (np.where(landing, solution.angle_error, 0.0) / ALIGNED, _angle),
-        (solution.limit_excess / LIMIT, _limit),
-        (solution.chord_excess / CHORD, _chord),
-    ]
-    shares, words = max(breaks, key=lambda pair: pair[0].max())
-    worst = int(shares.argmax())
-    return words(robot, solution, worst) if shares[worst] > 1 else None
-
-
-def _cup(robot: Robot, index: int) -> str:
-    return f"cup ({index // robot.columns}, {index % robot.columns})"
-
-
-def _pair(robot: Robot, index: int) -> str:
-    i, j = robot.tool.interlinks.pairs[index]
-    return f"{_cup(robot, int(i))} and {_cup(robot, int(j))}"
-
-
-def _closure(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
-    word = "longer" if solution.closure[k] > 0 else "shorter"
-    what = f"rigid interlinks cannot reach it: the one between {_pair(robot, k)}"
-    excess = f"{1e3 * abs(solution.closure[k]):.3g} mm"
-    return f"{what} would have to be {word}", excess, OUTWARD
-
-
-def _position(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
-    what = f"rigid interlinks cannot reach it: {_cup(robot, k)} misses its request"
-    return what, f"{1e3 * solution.position_error[k]:.3g} mm", OUTWARD
-
-
-def _angle(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
-    what = f"{_cup(robot, k)} misses the angle of its target"
-    remedy = "raise ply.take_up_mm, widen the ball's limit or place the mold flatter"
-    return what, f"{np.degrees(solution.angle_error[k]):.3g} deg", remedy
-
-
-def _limit(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
-    name = robot.model.names[1 + k]
-    unit = "mm" if name.endswith("stroke") else "deg"
-    size = 1e3 if unit == "mm" else np.degrees(1.0)
-    what = f"joint {name} passes its limit"
-    remedy = "a longer stroke, a flatter mold or another start would help"
-    return what, f"{size * solution.limit_excess[k]:.3g} {unit}", remedy
-
-
-def _chord(robot: Robot, solution: StrokeSolution, k: int) -> tuple[str, str, str]:
-    what = f"a fiber between {_pair(robot, k // 2)} is too short"
-    remedy = "raise ply.take_up_mm if the weave allows it, or lift less (path)"
-    return what, f"{1e3 * solution.chord_excess[k]:.3g} mm", remedy

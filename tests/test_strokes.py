@@ -13,6 +13,12 @@ FREE = np.zeros(48, bool)
 SLOW = 10.0  # [s] long enough for any stroke
 
 
+def follow(robot, longest, *asked):
+    """What the solver makes of a step."""
+    solver = StrokeSolver(robot, longest)
+    return solver.solve(solver.step(*asked))
+
+
 @pytest.fixture(scope="module")
 def stand():
     """Robot, and a request in the middle of a wave with its exact joints."""
@@ -27,7 +33,7 @@ def stand():
 
 def test_an_exact_request_is_left_as_it_is(stand):
     robot, q, poses = stand
-    found = StrokeSolver(robot, LONGEST).solve(q, None, poses, FREE, ~FREE, SLOW)
+    found = follow(robot, LONGEST, q, None, poses, FREE, ~FREE, SLOW)
     assert found.found
     assert found.programs == 1
     assert_allclose(found.q, q, atol=1e-8)
@@ -38,7 +44,7 @@ def test_a_disturbed_guess_comes_back(stand):
     rng = np.random.default_rng(0)
     guess = q.copy()
     guess[robot.leg_columns] += rng.normal(0, 0.01, (48, 6))
-    found = StrokeSolver(robot, LONGEST).solve(guess, None, poses, FREE, ~FREE, SLOW)
+    found = follow(robot, LONGEST, guess, None, poses, FREE, ~FREE, SLOW)
     assert found.found
     assert found.programs > 1
     assert np.abs(found.closure).max() < CLOSED
@@ -51,9 +57,7 @@ def test_interlinks_hold_even_if_the_request_breaks_them(stand):
     wanted = positions.copy()
     wanted[10, 2] += 0.01  # one cup 10 mm up: its four links would stretch
     guess = q.copy()
-    found = StrokeSolver(robot, LONGEST).solve(
-        guess, None, (wanted, rotations), FREE, ~FREE, SLOW
-    )
+    found = follow(robot, LONGEST, guess, None, (wanted, rotations), FREE, ~FREE, SLOW)
     assert found.found
     assert np.abs(found.closure).max() < CLOSED
     assert found.position_error.max() > 1e-4
@@ -68,9 +72,7 @@ def test_strokes_stay_within_their_limits(stand):
     legs = leg_coordinates(robot.geometry, tool, wanted, rotations)
     assert (legs[:, 2] < 0).any()
     guess = robot.configuration(q[robot.arm_columns], legs)
-    found = StrokeSolver(robot, LONGEST).solve(
-        guess, None, (wanted, rotations), FREE, ~FREE, SLOW
-    )
+    found = follow(robot, LONGEST, guess, None, (wanted, rotations), FREE, ~FREE, SLOW)
     assert found.limit_excess.max() < 1e-6 or not found.found
 
 
@@ -81,9 +83,7 @@ def test_rates_are_kept(stand):
     legs = leg_coordinates(robot.geometry, tool, wanted, rotations)
     guess = robot.configuration(q[robot.arm_columns], legs)
     duration = 0.1  # [s] 20 mm at the actuators' 0.2 m/s
-    found = StrokeSolver(robot, LONGEST).solve(
-        guess, q, (wanted, rotations), FREE, ~FREE, duration
-    )
+    found = follow(robot, LONGEST, guess, q, (wanted, rotations), FREE, ~FREE, duration)
     change = np.abs(found.q - q)[robot.leg_columns]
     assert found.found
     assert change[:, 2].max() == pytest.approx(0.02, abs=1e-5)
@@ -92,9 +92,9 @@ def test_rates_are_kept(stand):
 
 def test_short_fibers_hold_the_cups_back(stand):
     robot, q, poses = stand
-    loose = StrokeSolver(robot, LONGEST).solve(q, None, poses, FREE, ~FREE, SLOW)
+    loose = follow(robot, LONGEST, q, None, poses, FREE, ~FREE, SLOW)
     longest = LONGEST + float(loose.chord_excess.max()) - 1e-5  # 0.01 mm too short
-    found = StrokeSolver(robot, longest).solve(q, None, poses, FREE, ~FREE, SLOW)
+    found = follow(robot, longest, q, None, poses, FREE, ~FREE, SLOW)
     assert found.found
     assert found.chord_excess.max() < 1e-9
     assert np.abs(found.closure).max() < CLOSED
@@ -106,9 +106,7 @@ def test_placed_cups_do_not_move(stand):
     fixed = np.zeros(48, bool)
     fixed[[14, 15, 20, 21]] = True
     wanted = np.add(positions, (0.0, 0.0, 0.002))
-    found = StrokeSolver(robot, LONGEST).solve(
-        q, None, (wanted, rotations), fixed, ~fixed, SLOW
-    )
+    found = follow(robot, LONGEST, q, None, (wanted, rotations), fixed, ~fixed, SLOW)
     columns = robot.leg_columns[fixed]
     assert np.array_equal(found.q[columns], q[columns])
     assert np.abs(found.closure).max() < CLOSED

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from drapeplan.motion import explain
-from drapeplan.strokes import StrokeSolution
+from drapeplan.explain import explain, explain_rows
+from drapeplan.relaxation import OpenRow, RowKind
+from drapeplan.strokes import StrokeSolution, StrokeStatus
 from tests.plans import panel
 
 
@@ -18,7 +19,7 @@ def solution(**changes):
     }
     for name, (index, value) in changes.items():
         parts[name][index] = value
-    return StrokeSolution(robot.home(), True, 1, **parts)
+    return StrokeSolution(robot.home(), StrokeStatus.FOLLOWED, 1, **parts)
 
 
 def reason(landing=(), **changes):
@@ -78,3 +79,28 @@ def test_a_landing_cup_must_meet_its_angle():
     what, size, _ = reason(landing=[9], angle_error=(9, np.radians(0.5)))
     assert "cup (1, 3) misses the angle" in what
     assert size == "0.5 deg"
+
+
+def test_the_worst_of_several_rows_speaks_for_all():
+    robot = panel().plan.cell.robot
+    column = int(robot.leg_columns[9, 2])
+    rows = [
+        OpenRow(RowKind.LIMIT, column, 2e-3, 2.0),
+        OpenRow(RowKind.FIBER, 162, 1e-3, 1.0),
+    ]
+    what, excess, remedy = explain_rows(robot, rows)
+    assert what == "cup (1, 3): joint leg_1_3_stroke passes its limit"
+    assert excess == "2 mm, the worst of 2 that stay open"
+    assert "longer stroke" in remedy
+    what, excess, remedy = explain_rows(robot, rows[1:])
+    assert what == "a fiber between cup (6, 5) and cup (7, 5) is too short"
+    assert excess == "1 mm"
+    assert "take_up_mm" in remedy
+
+
+def test_a_rate_is_named_with_what_gives_time():
+    robot = panel().plan.cell.robot
+    row = OpenRow(RowKind.RATE, int(robot.leg_columns[47, 0]), np.radians(2), 1.0)
+    what, excess, remedy = explain_rows(robot, [row])
+    assert what == "cup (7, 5): joint leg_7_5_ux passes its speed limit"
+    assert (excess, remedy) == ("2 deg", "raise motion.step_time_s")
