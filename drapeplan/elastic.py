@@ -27,7 +27,7 @@ REACH = 0.05  # [rad], [m] first trust region
 SMALLEST = 1e-7  # [rad], [m] trust region at which nothing more is tried
 PROGRAMS = 40  # most linear programs
 WORTH = 0.1  # [-] share of the promised fall that must come true
-GAIN = 1e-5  # [mm] promised fall that is not worth another step
+GAIN = 1e-3  # [-] share of the sum whose promised fall is not worth another step
 
 
 @dataclass(frozen=True)
@@ -84,21 +84,28 @@ def relax(rows: Rows, reach: float) -> Array:
     return np.zeros(n) if found.x is None else np.asarray(found.x[:n])
 
 
-def least_open(linearize: Callable[[Array], Rows], start: Array) -> tuple[Array, Rows]:
+def least_open(
+    linearize: Callable[[Array], Rows],
+    start: Array,
+    enough: Callable[[Rows], bool] = lambda rows: False,
+) -> tuple[Array, Rows]:
     """Point nearby at which the constraints are open by the least sum.
 
     Args:
         linearize: Constraints at a point.
         start: Where to begin, shape (n,).
+        enough: Whether rows are open by so little that the search may end.
 
     Returns:
         The point, and the constraints there.
     """
     u, rows, reach = start, linearize(start), REACH
     for _ in range(PROGRAMS):
+        if enough(rows):
+            break
         x = relax(rows, reach)
         promised = rows.cost() - rows.cost(rows.value + rows.matrix @ x)
-        if promised < GAIN or reach < SMALLEST:
+        if promised <= GAIN * rows.cost() or reach < SMALLEST:
             break
         there = linearize(u + x)
         fall = rows.cost() - there.cost()

@@ -82,7 +82,8 @@ def relax_step(solver: StrokeSolver, step: Step) -> Relaxation:
         step: A step that its QPs could not follow.
     """
     parts = _Parts(solver, step)
-    u, rows = least_open(parts.rows, step.guess[parts.columns])
+    start = step.guess[parts.columns]
+    u, rows = least_open(parts.rows, start, lambda rows: not parts.open(rows.excess()))
     q = step.guess.copy()
     q[parts.columns] = u
     return Relaxation(q, parts.open(rows.excess()))
