@@ -13,6 +13,7 @@ from drapeplan.errors import InfeasibleError
 from drapeplan.explain import OUTWARD, Reason, explain, explain_rows
 from drapeplan.legs import leg_coordinates
 from drapeplan.path import CupState, Path
+from drapeplan.qp import QpSolver
 from drapeplan.relaxation import OpenRow, relax_step
 from drapeplan.robot import ReachError
 from drapeplan.strokes import (
@@ -93,7 +94,10 @@ class StrokesError(InfeasibleError):
 
 
 def follow(
-    cell: Cell, path: Path, progress: Callable[[int], None] | None = None
+    cell: Cell,
+    path: Path,
+    progress: Callable[[int], None] | None = None,
+    qp: QpSolver | None = None,
 ) -> Motion:
     """Joint positions for every waypoint of a path.
 
@@ -105,12 +109,13 @@ def follow(
         cell: Robot, mold and ply.
         path: The requested path.
         progress: Called with the number of waypoints done.
+        qp: Solver of the QPs; OSQP, kept alive, if None.
 
     Raises:
         ReachError: If the arm does not reach a placement of the tool.
         StrokesError: If the tool cannot take a pose that it must take.
     """
-    follower = _Follower(cell, path)
+    follower = _Follower(cell, path, qp)
     for phase in ("wave", "pick"):  # the places that matter before the way to them
         follower.reach(path.phase.index(phase))
     for k in range(len(path.tau)):
@@ -154,13 +159,28 @@ def schedule(
     return np.round(np.concatenate([[0.0], np.cumsum(duration)]), 6) + 0.0
 
 
+def duration(cell: Cell, path: Path, k: int) -> float:
+    """Time that the wave gives a waypoint, in [s]; unlimited elsewhere.
+
+    Args:
+        cell: Gives the time of a step.
+        path: The path.
+        k: Index of the waypoint.
+    """
+    if path.phase[k] != "wave":
+        return np.inf
+    same = path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
+    before = path.tau[k - 1] if same else 0.0
+    return float(cell.scene.motion.step_time_s * (path.tau[k] - before))
+
+
 class _Follower:
     """Goes along a path, one waypoint after the other."""
 
-    def __init__(self, cell: Cell, path: Path) -> None:
+    def __init__(self, cell: Cell, path: Path, qp: QpSolver | None) -> None:
         self.cell, self.path, self.robot = cell, path, cell.robot
         take_up = cell.scene.ply.take_up_mm * 1e-3
-        self.solver = StrokeSolver(self.robot, cell.sampling.grid.span + take_up)
+        self.solver = StrokeSolver(self.robot, cell.sampling.grid.span + take_up, qp)
         self.arm = np.array(cell.scene.robot.home_rad)
         self.rows: list[Array] = []
         self.programs: list[int] = []
@@ -175,7 +195,7 @@ class _Follower:
         landing = path.states[k] >= CupState.LANDING
         request = path.positions[k], path.rotations[k]
         step = self.solver.step(
-            guess, previous, request, fixed, landing, self._duration(k)
+            guess, previous, request, fixed, landing, duration(self.cell, path, k)
         )
         solution, failure = self._solve(step)
         if failure:
@@ -235,12 +255,3 @@ class _Follower:
             standing = np.ones_like(standing)
         guess[columns[standing]] = previous[columns[standing]]
         return guess, standing
-
-    def _duration(self, k: int) -> float:
-        """Time that the wave gives a waypoint, [s]; unlimited elsewhere."""
-        path = self.path
-        if path.phase[k] != "wave":
-            return np.inf
-        same = path.phase[k - 1] == "wave" and path.step[k] == path.step[k - 1]
-        before = path.tau[k - 1] if same else 0.0
-        return float(self.cell.scene.motion.step_time_s * (path.tau[k] - before))
