@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from drapeplan.arm_words import arm_lines
 from drapeplan.errors import DrapeplanError
 from drapeplan.files import unwritable
 
@@ -137,6 +138,8 @@ def show_verdict(
         f"{fibers['longest_need_mm']:+.2f} mm of a take-up of "
         f"{fibers['take_up_mm']:g} mm."
     )
+    for line in arm_lines(verdict["arm"]):
+        print(f"  {line}")
     print("  step  cups  premature mm  air pocket mm  penetration mm")
     for row in verdict["steps"]:
         early, air = (

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drapeplan.arm_check import judge_arm
 from drapeplan.cell import Cell
 from drapeplan.closures import Chords, Closures
 from drapeplan.contact import Contact, judge_contact
@@ -47,12 +48,13 @@ def judge(
         "laid": _laid(cell, contact),
         "limits": _limits(track),
         "fibers": _fibers(cell, track, span.stop),
+        "arm": judge_arm(cell, track),
     }
     front = contact.front.to_dict()
     verdict = {
         "good": contact.front.passed
         and contact.front.starts_free
-        and all(part["good"] for part in parts.values()),
+        and all(part["good"] is not False for part in parts.values()),
         "fidelity": cell.scene.fidelity,
         "ply_model": "cubic of natural length within take-up",
         **parts,

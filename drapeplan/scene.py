@@ -41,6 +41,7 @@ class RobotSection(Section):
     name: str | None = None
     urdf: str | None = None
     home_rad: tuple[Radians, ...] = (0.0, -1.2, 1.6, -1.97, -1.5708, 0.0)
+    payload_kg: Annotated[float, Field(gt=0, le=10000)] | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> RobotSection:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from drapeplan.arm_words import arm_failures
 from drapeplan.path import CupState
 from drapeplan.sentences import sentences
 from drapeplan.track import Track
@@ -75,6 +76,7 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
             f"{limits['waypoint']}, or a rate is passed "
             f"({100 * limits['largest_rate_share']:.0f} % of what is allowed)."
         )
+    lines += arm_failures(verdict["arm"], names)
     return lines + _fiber_lines(verdict["fibers"])
 
 

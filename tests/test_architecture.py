@@ -17,6 +17,7 @@ LONGEST = 350  # [lines] of a module; past it a second idea hides inside
 ANYWHERE = {"numpy", "scipy", "numba"}  # below the planner
 HOMES = {
     "pinocchio": {"drapeplan.robot", "drapeplan.visuals"},  # kinematics; arm's meshes
+    "coal": {"drapeplan.solids", "drapeplan.body_pairs"},  # convex bodies; distances
     "qpsolvers": {"drapeplan.qp"},
     "osqp": {"drapeplan.qp"},
     "trimesh": {
@@ -42,6 +43,7 @@ BY_NAME = {  # dependencies that no import shows
     "pycollada": "drapeplan.visuals",  # how trimesh reads the arm's meshes
 }
 IMPORTED_AS = {"pin": "pinocchio", "pyyaml": "yaml"}
+BROUGHT = {"umsgpack", "coal"}  # by meshcat; by pin
 GEOMETRY = ("mold", "mesh", "surfaces", "links", "geodesic", "net", "shear")
 MACHINE = ("robot", "legs", "closures", "inverse", "track")
 
@@ -186,7 +188,7 @@ def test_every_dependency_is_used():
         if package not in BY_NAME:
             assert IMPORTED_AS.get(package, package) in used, f"nothing uses {package}"
     assert set(BY_NAME) <= set(needed)
-    for package in used - {"umsgpack"}:  # meshcat brings it
+    for package in used - BROUGHT:
         names = {package, *(k for k, v in IMPORTED_AS.items() if v == package)}
         assert names & set(needed), f"{package} is imported and not declared"
 

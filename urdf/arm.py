@@ -9,6 +9,15 @@ from drapeplan.errors import InputError
 
 TURN = f"{2 * math.pi:.12g}"  # [rad] either way, for joints that name no limits
 END = "_robot.urdf"
+PAYLOADS = {  # [kg] by the robot's name in its URDF, as the maker states them
+    "ur3": 3.0,
+    "ur3e": 3.0,
+    "ur5": 5.0,
+    "ur5e": 5.0,
+    "ur10": 10.0,
+    "ur10e": 12.5,
+    "ur16e": 16.0,
+}
 
 
 def arm_names() -> dict[str, importlib.metadata.PackagePath]:
@@ -81,3 +90,23 @@ def bound_joints(urdf: str, source: str = "arm URDF") -> str:
         limit.set("lower", f"-{TURN}")
         limit.set("upper", TURN)
     return ElementTree.tostring(root, "unicode") if endless else urdf
+
+
+def payload_of(urdf: str) -> float | None:
+    """What an arm may carry, in [kg]; None where its name is not known.
+
+    Args:
+        urdf: Text of a URDF.
+    """
+    name = ElementTree.fromstring(urdf.encode()).get("name", "")
+    return PAYLOADS.get(name.lower().removesuffix("_robot"))
+
+
+def mass_of(urdf: str) -> float:
+    """Sum of the masses of all links, in [kg].
+
+    Args:
+        urdf: Text of a URDF.
+    """
+    root = ElementTree.fromstring(urdf.encode())
+    return sum(float(m.get("value", 0)) for m in root.findall("link/inertial/mass"))
