@@ -13,7 +13,7 @@ import numpy as np
 from drapeplan.kkt import Layouts, Mask
 from drapeplan.legs import STROKE, Array
 from drapeplan.robot import Robot
-from drapeplan.settle import Pose, Rest, Settler, Sides, reduced
+from drapeplan.settle import Pose, Rest, Settler, Sides, least_curvature, reduced
 from drapeplan.tool_energy import PASSIVE, Indices, ToolEnergy, ToolPhysics
 
 __all__ = [
@@ -132,7 +132,7 @@ class Equilibrium:
         if not _good(rest, least) and warm is not None:
             rest, least, more = self._in_parts(q, warm, free, stability)
             count += more
-        if not _good(rest, least):
+        if not _good(rest, least) and (rest.found or (warm is None and not rest.torn)):
             careful, least_careful, more = self._leave(T, rest, start, free, stability)
             count += more
             if careful.found or not rest.found:
@@ -202,8 +202,7 @@ class Equilibrium:
         if not rest.found or not free.any():
             return None
         H, J = self._layouts(free, rest.pose.sides != 0).dense(rest.terms)
-        values = reduced(H, J)[0]
-        return float(values[0]) if values.size else None
+        return least_curvature(H, J)
 
     def _in_parts(
         self, q: Array, warm: Settled, free: Mask, stability: bool
@@ -227,8 +226,9 @@ class Equilibrium:
                 part = share / 2
                 continue
             else:
-                rest, least, more = self._leave(T, rest, moved, free, stability)
-                count += more
+                if rest.found or not rest.torn:
+                    rest, least, more = self._leave(T, rest, moved, free, stability)
+                    count += more
                 if not _good(rest, least):
                     return rest, least, count
                 done, pose, part = done + share, rest.pose, share

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from drapeplan.kkt import Layouts, Mask, SingularError
 from drapeplan.legs import Array
@@ -21,11 +22,15 @@ Sides = NDArray[np.int8]
 AT_REST = 1e-9  # [N m] largest moment left: 1e-7 of what a cup's weight does to its leg
 CLOSED = 1e-11  # [m] largest error of a length: 1e-8 mm
 LONGEST_STEP = 0.2  # [rad] largest change of an angle in one iteration
-ITERATIONS = 15  # Newton takes 3-6 where it converges
-CAREFUL_ITERATIONS = 80  # of steps that go downhill
+ITERATIONS = 20  # Newton takes 3-6 where it converges, more over large angles
+CAREFUL_ITERATIONS = 60  # of steps that go downhill
+PATIENCE = 10  # iterations in which the errors must halve
+STIFF = 10.0  # [N] brings lengths to moments, so that both errors can be added
 CAREFUL_STEP = 0.1  # [rad]
-PASSES = 12  # solutions of one linearization with different working sets
-ONE_BY_ONE = 4  # passes after which one row changes at a time, against cycles
+PASSES = 6  # solutions of one linearization with different working sets
+ONE_BY_ONE = 3  # passes after which one row changes at a time, against cycles
+HOLD = 1e7  # [N/m] springs that hold rows: 1e-8 of the curvature is lost by them
+STRONGEST = 1e5  # [N] forces beyond it belong to no pose of rest
 FLOOR = (
     1e-4  # [N m/rad] least curvature of a careful step: a tenth of the softest cup's
 )
@@ -67,6 +72,11 @@ class Rest:
     residual: float
     closure: float
 
+    @property
+    def torn(self) -> bool:
+        """Whether forces grew beyond bounds: no pose keeps all rows."""
+        return not float(np.abs(self.pose.forces).max(initial=0.0)) < STRONGEST
+
 
 class Settler:
     """Newton's method on one tool with one ply."""
@@ -94,6 +104,7 @@ class Settler:
         live = free[self.energy.row_pairs].any(axis=1)
         pose = self._start(pose, live)
         limit = CAREFUL_ITERATIONS if careful else ITERATIONS
+        best, since = np.inf, 0
         for iteration in range(limit + 1):
             terms = self.energy.evaluate(T_world_tool, pose.legs, pose.forces)
             residual = np.abs(terms.gradient[free][:, PASSIVE]).max(initial=0.0)
@@ -101,7 +112,11 @@ class Settler:
             good = not np.any(self._pushes(pose.forces, pose.sides))
             found = bool(residual <= AT_REST and closure <= CLOSED and good)
             rest = Rest(pose, terms, found, iteration, float(residual), float(closure))
-            if found or iteration == limit or not np.isfinite(residual + closure):
+            error = residual + STIFF * closure
+            since = 0 if error < best / 2 else since + 1
+            best = min(best, error)
+            lost = since > PATIENCE or rest.torn or not np.isfinite(error)
+            if found or iteration == limit or lost:
                 break
             try:
                 pose = self._step(pose, terms, free, live, careful)
@@ -197,6 +212,26 @@ class Settler:
         forces = forces.copy()
         forces[layout.rows] -= pinned.T @ (gradient.ravel() + H @ x)
         return x.reshape(-1, 5), forces
+
+
+def least_curvature(H: Array, J: Array) -> float | None:
+    """Least curvature of the energy along motions that keep the rows.
+
+    Rows are held by springs so stiff that they act as rigid; one eigenvalue of that
+    matrix takes a third of the time of a null space, and differs by 1e-8 of itself.
+
+    Args:
+        H: Second derivatives, shape (k, k), in [N m/rad].
+        J: Rows, shape (r, k), in [m/rad].
+
+    Returns:
+        The curvature, [N m/rad]; None if the rows leave no motion.
+    """
+    if len(J) >= len(H):
+        return None
+    held = H + HOLD * (J.T @ J)
+    values = eigh(held, eigvals_only=True, subset_by_index=[0, 0], check_finite=False)
+    return float(values[0])
 
 
 def reduced(H: Array, J: Array) -> tuple[Array, Array, Array]:
