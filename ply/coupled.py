@@ -16,14 +16,21 @@ from ply.coupled_basis import (
     SPAN,
     STRIP_INTERVALS,
     AxisBasis,
+    Material,
     PatchBasis,
-    Stiffness,
     stack,
 )
 from ply.coupled_body import Body
 from ply.coupled_input import flat_poses, sound_poses
 from ply.coupled_solve import CoupledStatus, newton
-from ply.coupled_start import STRIP_CUPS, cup_rows, mean_turn, patch_start, strip_start
+from ply.coupled_start import (
+    STRIP_CUPS,
+    cup_rows,
+    mean_turn,
+    patch_start,
+    start_strains,
+    strip_start,
+)
 from ply.errors import PlyError
 from ply.fiber import Array, Statuses
 from ply.grid import CupGrid, Region
@@ -45,9 +52,10 @@ class CoupledPatches:
         coefficients: Unknowns, shape (..., size, 3), in [m].
         cups: Position, s and t direction of four cups, shape (..., 12, 3); zero for the
             two cups that a strip does not have.
-        energy: Elastic energy, shape (...), in [J].
-        strain: Largest stretch of a fiber, shape (...): large where the cups are
-            farther apart than the fibers reach.
+        energy: Elastic energy less the work of the weight from the shape that the cups
+            alone make, shape (...), in [J].
+        strain: Largest stretch of a fiber beyond its take-up, shape (...): large where
+            the cups are farther apart than the fibers reach.
         status: CoupledStatus, shape (...).
         iterations: Newton steps taken, shape (...).
     """
@@ -85,6 +93,9 @@ class CoupledModel:
         shear: In-plane shear stiffness, in [N/m].
         stretch: Stiffness along the fibers, in [N/m].
         torsion: Stiffness against twist, in [N m]: shear * thickness^2 / 12.
+        weight: Weight of the ply per area, a vector in the world, in [N/m^2].
+        take_up: Length that the weave gives either way over a span before a fiber
+            stretches, in [m].
     """
 
     grid: CupGrid
@@ -93,6 +104,8 @@ class CoupledModel:
     shear: float = 300.0
     stretch: float = 666e3
     torsion: float = 2.25e-6
+    weight: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    take_up: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -102,6 +115,12 @@ class CoupledModel:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise PlyError(name, f"{value:g}", "use a positive stiffness")
+        if np.shape(self.weight) != (3,) or not np.isfinite(self.weight).all():
+            raise PlyError("weight", f"{self.weight}", "give three finite numbers")
+        shortest = min(self.grid.s_length, self.grid.t_length)
+        if not 0 <= self.take_up < shortest:
+            problem = f"{self.take_up:g} m in spans of {shortest:g} m"
+            raise PlyError("take_up", problem, "use 0 or more, below a span")
 
     @cached_property
     def basis(self) -> PatchBasis:
@@ -207,13 +226,16 @@ class CoupledModel:
     @cached_property
     def _bodies(self) -> dict[Region, Body]:
         basis = self.basis
-        stiffness = Stiffness(self.stretch, self.shear, self.bending, self.torsion)
+        material = Material(
+            *(self.stretch, self.shear, self.bending, self.torsion),
+            *(self.weight, self.take_up),
+        )
         inner = basis.strips[:, 2 * self.order :].reshape(-1, 2)
         functions = np.concatenate([inner, basis.inside])
         points = self.order + 1, CUP_POINTS
-        core = basis.piece(functions, (SPAN, SPAN), stiffness, points)
+        core = basis.piece(functions, (SPAN, SPAN), material, points)
         strips = [
-            basis.piece(own, where, stiffness, points)
+            basis.piece(own, where, material, points)
             for own, where in zip(basis.strips, STRIP_INTERVALS, strict=True)
         ]
         none = stack(strips[:1], 0)
@@ -249,13 +271,16 @@ class CoupledModel:
         frames = np.where(good[:, None, None, None], frames, self._rest[1][cups])
         rows = np.zeros((len(p), 12, 3))
         rows.reshape(-1, 4, 9)[:, cups] = cup_rows(p, frames).reshape(-1, len(cups), 9)
-        foreseen = None
+        body = self.body(region)
         if start is not None:
-            q, foreseen = self._follow(start, self.body(region), rows)
+            q, foreseen = self._follow(start, body, rows)
         elif region == Region.PATCH:
-            q = patch_start(self.basis, p, frames, chosen)
+            q, asked = patch_start(self.basis, p, frames, chosen, self.take_up)
+            foreseen = start_strains(body, (0, 0, 1, 1), asked)
         else:
-            q = strip_start(self.basis, STRIPS[region], p, frames, chosen[:, 0])
+            k = STRIPS[region]
+            q, asked = strip_start(self.basis, k, p, frames, chosen[:, 0], self.take_up)
+            foreseen = start_strains(body, (k // 2,), asked[:, None])
         found = self.relax(region, q, rows, foreseen)
         found.status[~good] = CoupledStatus.BAD_INPUT
         arrays = (getattr(found, name) for name in ARRAYS)

@@ -17,8 +17,7 @@ from ply.fiber import Array
 
 # Hermite cubics on [-1, 1], powers from the highest: value and slope at -1, then at 1
 HERMITE = np.array([[1, 0, -3, 2], [1, -1, -1, 1], [-1, 0, 3, 2], [1, 1, -1, -1]]) / 4
-INTERVALS = (0, 1, 2)  # first cup, free span, second cup
-SPAN = 1
+SPAN = 1  # [-] interval between those of the first and of the second cup
 
 
 @dataclass(frozen=True)
@@ -103,20 +102,24 @@ class AxisBasis:
 
 
 @dataclass(frozen=True)
-class Stiffness:
-    """Stiffnesses of the ply.
+class Material:
+    """What the ply is made of.
 
     Attributes:
         stretch: Force per width and strain along the fibers, in [N/m].
         shear: Force per width and shear strain in the plane, in [N/m].
         bending: Moment per width and curvature along the fibers, in [N m].
         torsion: The same for twist, in [N m].
+        weight: Weight per area, a vector, in [N/m^2].
+        take_up: Length that the weave takes up or gives over a span, in [m].
     """
 
     stretch: float
     shear: float
     bending: float
     torsion: float
+    weight: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    take_up: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +140,9 @@ class Piece:
         bending: Second derivative of the bending energy, shape (..., n, n).
         bending_cups: The same between unknowns and cups, shape (..., n, m).
         cups_bending: The same between cups, shape (..., m, m).
+        load: Forces of the weight on the unknowns, shape (..., n, 3), in [N].
+        low: Least strains that the weave gives without a force, shape (..., 3, G).
+        high: Strains that it takes up.
     """
 
     ds: Array
@@ -148,6 +154,9 @@ class Piece:
     bending: Array
     bending_cups: Array
     cups_bending: Array
+    load: Array
+    low: Array
+    high: Array
 
 
 @dataclass(frozen=True)
@@ -220,7 +229,7 @@ class PatchBasis:
         self,
         functions: NDArray,
         intervals: tuple[int, int],
-        stiffness: Stiffness,
+        material: Material,
         points: tuple[int, int],
     ) -> Piece:
         """Matrices of the given functions over one region.
@@ -228,31 +237,41 @@ class PatchBasis:
         Args:
             functions: Function pairs, shape (n, 2).
             intervals: Interval along s and along t.
-            stiffness: Stiffnesses of the ply.
+            material: What the ply is made of.
             points: Gauss points along a span and along a cup.
 
         Returns:
-            The matrices. Bending is integrated exactly, stretch and shear on the given
-            points: fewer than exact, or the ply would lock.
+            The matrices. Bending and weight are integrated exactly, stretch and shear
+            on the given points: fewer than exact, or the ply would lock.
         """
         s, t, weights = self._grid(intervals, points)
         ds, ds_cups = self.rows(functions, s, t, 1, 0)
         dt, dt_cups = self.rows(functions, s, t, 0, 1)
-        moduli = np.array([stiffness.stretch, stiffness.stretch, stiffness.shear])
+        moduli = np.array([material.stretch, material.stretch, material.shear])
         roots = np.sqrt(moduli[:, None] * weights)
         s_all, t_all, w_all = self._grid(intervals, (self.s.order + 4, 6))
         size = len(functions) + 12
         matrix = np.zeros((size, size))
-        factors = (stiffness.bending, stiffness.bending, 4 * stiffness.torsion)
+        factors = (material.bending, material.bending, 4 * material.torsion)
         for factor, (a, b) in zip(factors, ((2, 0), (0, 2), (1, 1)), strict=True):
             both = np.concatenate(self.rows(functions, s_all, t_all, a, b), axis=-1)
             matrix += factor * (both.T * w_all) @ both
         n = len(functions)
         values = self.rows(functions, s, t)[0]
+        areas = w_all @ self.rows(functions, s_all, t_all)[0]
         return Piece(
             *(ds, dt, ds_cups, dt_cups, values, roots),
             *(matrix[:n, :n], matrix[:n, n:], matrix[n:, n:]),
+            *(areas[:, None] * np.array(material.weight), *self._band(material, s, t)),
         )
+
+    def _band(self, material: Material, s: Array, t: Array) -> Array:
+        """Green strains at which fibers begin to pull at points, shape (2, 3, k)."""
+        out = np.zeros((2, 3, len(s)))
+        for k, (axis, x) in enumerate(((self.s, s), (self.t, t))):
+            u = np.clip((x - axis.half_width) / axis.length, 0, 1)
+            out[:, k] = 6 * u * (1 - u) * band(material.take_up / axis.length)[:, None]
+        return out
 
     def _grid(
         self, intervals: tuple[int, int], points: tuple[int, int]
@@ -266,6 +285,18 @@ class PatchBasis:
 
 
 STRIP_INTERVALS = ((SPAN, 0), (SPAN, 2), (0, SPAN), (2, SPAN))
+
+
+def band(take_up: float) -> Array:
+    """Mean Green strains at which fibers begin to pull, shape (2,).
+
+    Args:
+        take_up: Share of the length that the weave gives either way.
+
+    Returns:
+        The least and the largest strain without a force.
+    """
+    return (np.array([1 - take_up, 1 + take_up]) ** 2 - 1) / 2
 
 
 def stack(pieces: list[Piece], count: int | None = None) -> Piece:

@@ -6,7 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ply.coupled_basis import Piece
-from ply.coupled_energy import energy, forces, stiffness, strains, tangents
+from ply.coupled_energy import (
+    energy,
+    forces,
+    pulls,
+    stiffness,
+    strains,
+    tangents,
+)
 from ply.fiber import Array
 
 
@@ -53,7 +60,7 @@ class Body:
         return np.concatenate([flat, core[:, first:]], axis=1)
 
     def energy(self, q: Array, cups: Array) -> Array:
-        """Elastic energy of unknowns (b, size, 3), shape (b,), in [J]."""
+        """Energy of unknowns (b, size, 3), shape (b,), in [J]."""
         core, strips = self.split(q)
         return energy(self.core, core, cups) + energy(
             self.strips, strips, cups[:, None]
@@ -66,8 +73,13 @@ class Body:
         return [own, strains(*tangents(self.strips, strips, cups[:, None]))]
 
     def largest_strain(self, q: Array, cups: Array) -> Array:
-        """Largest stretch of a fiber at a Gauss point, shape (b,)."""
-        core, strips = self.strains(q, cups)
+        """Largest stretch of a fiber beyond the take-up, at a Gauss point, (b,)."""
+        core, strips = (
+            pulls(piece, strain)
+            for piece, strain in zip(
+                (self.core, self.strips), self.strains(q, cups), strict=True
+            )
+        )
         others = abs(strips[:, :, :2]).max((1, 2, 3), initial=0)
         return np.maximum(abs(core[:, :2]).max((1, 2)), others)
 
@@ -97,6 +109,7 @@ def tangent(
     for k, ((piece, c), part) in enumerate(zip(pieces, body.split(q), strict=True)):
         rs, rt = tangents(piece, part, c)
         strain = strains(rs, rt) if foreseen is None else foreseen[k]
-        parts.append((stiffness(piece, rs, rt, strain), forces(piece, part, c, rs, rt)))
+        force = forces(piece, part, c, rs, rt, strain)
+        parts.append((stiffness(piece, rs, rt, strain), force))
     (core, core_force), (strips, strip_force) = parts
     return Tangent(core, strips, core_force, strip_force)

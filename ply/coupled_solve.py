@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ply.coupled_body import Body, Tangent, tangent
-from ply.coupled_energy import add_to_blocks, strain_changes, strains, tangents
+from ply.coupled_energy import (
+    add_to_blocks,
+    next_foreseen,
+    strain_changes,
+    strains,
+    tangents,
+)
 from ply.fiber import Array, Statuses, dot
 
 Bools = NDArray[np.bool_]
@@ -21,6 +27,8 @@ TOLERANCE = 2e-5  # [m] largest move of the last step, which leaves about 1e-6 m
 AT_REST = 2e-8  # [m] the same of a step with bending added, which is a short one
 LONGEST_STEP = 0.01  # [m] largest move of one step: linearization of a 70 mm span
 MAX_ITERATIONS = 40  # [-] steps; 2 to 12 are usual
+EAGER = 10  # [-] steps after which fibers pull and let go by turns, if they ever do
+CALM = 0.5  # [-] share of new strains in those foreseen from then on
 FIRST_AID, MORE_AID = 0.3, 2.5  # [-] share of bending first added, and its growth
 MOST_AID = 1e4  # [-] bending added at most: no help beyond
 
@@ -50,7 +58,7 @@ def newton(
 
     The stresses in the tangent are those that the last linear step foresaw: they are
     smooth where the strains of its end are not, which saves most steps
-    (Magisano, Leonetti and Garcea, 2017).
+    (Magisano, Leonetti and Garcea, 2017). They also tell which fibers pull (D8).
 
     Args:
         body: The body.
@@ -66,7 +74,8 @@ def newton(
     iterations = np.full(b, MAX_ITERATIONS)
     live = np.arange(b)
     for iteration in range(1, MAX_ITERATIONS + 1):
-        step, moved, aid, foreseen = _step(body, q[live], cups[live], foreseen)
+        trust = 1.0 if iteration <= EAGER else CALM
+        step, moved, aid, foreseen = _step(body, q[live], cups[live], foreseen, trust)
         q[live] += step
         found = np.select(
             [(moved > TOLERANCE) | (aid > MOST_AID), aid > 0],
@@ -85,7 +94,7 @@ def newton(
 
 
 def _step(
-    body: Body, q: Array, cups: Array, foreseen: list[Array] | None
+    body: Body, q: Array, cups: Array, foreseen: list[Array] | None, trust: float
 ) -> tuple[Array, Array, Array, list[Array]]:
     """One step of each body: step, its largest move, aid, strains foreseen."""
     pieces = ((body.core, cups), (body.strips, cups[:, None]))
@@ -109,9 +118,11 @@ def _step(
     share = np.minimum(1, LONGEST_STEP / np.maximum(moved, LONGEST_STEP))
     step = share[:, None, None] * step
     foreseen = [
-        strains(rs, rt) + strain_changes(piece, rs, rt, part)
-        for (piece, _), (rs, rt), part in zip(
-            pieces, ends, body.split(step), strict=True
+        next_foreseen(
+            piece, e, strains(rs, rt) + strain_changes(piece, rs, rt, part), trust
+        )
+        for (piece, _), (rs, rt), part, e in zip(
+            pieces, ends, body.split(step), foreseen, strict=True
         )
     ]
     return step, moved, aid, foreseen
