@@ -112,6 +112,8 @@ def show_verdict(
         as_json: Whether one JSON document is wanted.
         written: Files written.
     """
+    from drapeplan.sentences import ply_sentences
+
     files = [str(path) for path in written or []]
     if as_json:
         good = verdict["good"]
@@ -138,6 +140,8 @@ def show_verdict(
         f"{fibers['longest_need_mm']:+.2f} mm of a take-up of "
         f"{fibers['take_up_mm']:g} mm."
     )
+    for line in ply_sentences(verdict["ply_model"]):
+        print(f"  {line}")
     for line in arm_lines(verdict["arm"]):
         print(f"  {line}")
     print("  step  cups  premature mm  air pocket mm  penetration mm")

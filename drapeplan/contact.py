@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from drapeplan.cell import Cell
 from drapeplan.front import check_front
 from drapeplan.front_grid import FrontGrid
+from drapeplan.held_ply import CUBIC, PlyModel, held_fibers, held_points
+from drapeplan.ply_choice import PlyChoice, choose_ply
 from drapeplan.sequence import Sequence
 from drapeplan.verdict import FrontVerdict, Tolerance
-from ply.shape import ply_fibers
+from ply.shape import PlyFibers
 
 Array = NDArray[np.float64]
 
@@ -29,16 +31,24 @@ class Contact:
         gap: Signed distance to the mold, shape (K, nt, ns), in [m]; FAR beside it.
         beside: Samples that hang beside the mold in the laid state, shape (nt, ns).
         front: The verdict on the order of contact.
+        choice: The ply model, and why.
+        fibers: Fibers of the ply on it.
     """
 
     points: Array
     gap: Array
     beside: NDArray[np.bool_]
     front: FrontVerdict
+    choice: PlyChoice
+    fibers: PlyFibers
 
 
 def ply_over_mold(
-    cell: Cell, positions: Array, rotations: Array
+    cell: Cell,
+    positions: Array,
+    rotations: Array,
+    model: PlyModel = CUBIC,
+    fibers: PlyFibers | None = None,
 ) -> tuple[Array, Array]:
     """Ply and its gap to the mold.
 
@@ -46,14 +56,16 @@ def ply_over_mold(
         cell: Robot, mold and ply.
         positions: Cup positions in the mold frame, shape (K, n, 3), in [m].
         rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
+        model: What of the ply is modeled.
+        fibers: Fibers of the poses on that model, where a caller has them.
 
     Returns:
         Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m];
         beside the mold the gap is FAR.
     """
-    take_up = cell.scene.ply.take_up_mm * 1e-3
-    fibers = ply_fibers(cell.sampling.grid, positions, rotations, take_up=take_up)
-    points = cell.sampling.points(fibers, positions, rotations)
+    if fibers is None:
+        fibers = held_fibers(cell, positions, rotations, model)
+    points = held_points(cell, fibers, positions, rotations, model)
     over = cell.mold.inside(points[..., 0], points[..., 1])
     return points, np.where(over, cell.mold.gap(points), FAR)
 
@@ -74,7 +86,8 @@ def judge_contact(
         placed: Placed cups of each pose, shape (K, n).
         landing: Landing cups of each pose, shape (K, n).
     """
-    points, gap = ply_over_mold(cell, *poses)
+    choice, fibers = choose_ply(cell, *poses)
+    points, gap = ply_over_mold(cell, *poses, choice.model, fibers)
     beside = gap[-1] >= FAR
     sampling = cell.sampling
     samples = FrontGrid(
@@ -96,4 +109,4 @@ def judge_contact(
     final = np.where(beside, 0.0, gap[-1])
     seen = np.where(beside, HIGH, np.minimum(gap, HIGH))
     front = check_front(seen, final, samples, placed, landing, tolerance)
-    return Contact(points, gap, beside, front)
+    return Contact(points, gap, beside, front, choice, fibers)

@@ -17,13 +17,14 @@ from drapeplan.sequence import Sequence
 from drapeplan.track import Track
 from drapeplan.verdict import FrontVerdict
 from ply.fiber import LengthStatus, bubble_height
-from ply.shape import ply_fibers
+from ply.shape import PlyFibers
 
 Array = NDArray[np.float64]
 
 INSTANT = 1e-6  # [s] times are rounded to microseconds
 RATE = 1e-6  # [-] share by which a rate may pass its limit: rounded times
 DIGITS = 9  # decimals of the numbers in a verdict
+EDGES = [0, -1]  # fibers of a strip over which chords are measured
 
 
 def judge(
@@ -47,7 +48,7 @@ def judge(
         "landing": _landing(positions, rotations, placed, targets),
         "laid": _laid(cell, contact),
         "limits": _limits(track),
-        "fibers": _fibers(cell, track, span.stop),
+        "fibers": _fibers(cell, track, contact.fibers),
         "arm": judge_arm(cell, track),
     }
     front = contact.front.to_dict()
@@ -56,7 +57,7 @@ def judge(
         and contact.front.starts_free
         and all(part["good"] is not False for part in parts.values()),
         "fidelity": cell.scene.fidelity,
-        "ply_model": "cubic of natural length within take-up",
+        "ply_model": contact.choice.to_dict(),
         **parts,
         "steps": _steps(track, contact.front, sequence, span),
         "front": front,
@@ -154,14 +155,13 @@ def _limits(track: Track) -> dict[str, Any]:
     }
 
 
-def _fibers(cell: Cell, track: Track, stop: int) -> dict[str, Any]:
+def _fibers(cell: Cell, track: Track, fibers: PlyFibers) -> dict[str, Any]:
     """Fiber lengths that the held ply asks for, against the take-up band."""
     L, take_up = cell.sampling.grid.span, cell.scene.ply.take_up_mm * 1e-3
-    poses = [pose[:stop] for pose in track.poses]
+    poses = [pose[: len(fibers.s_natural)] for pose in track.poses]
     chords = Chords(track.robot).values(*poses)
-    fibers = ply_fibers(cell.sampling.grid, *poses, take_up=take_up)
-    natural = _joined(fibers.s_natural, fibers.t_natural)
-    band = _joined(fibers.s_band, fibers.t_band)
+    natural = _joined(fibers.s_natural[..., EDGES], fibers.t_natural[..., EDGES])
+    band = _joined(fibers.s_band[..., EDGES], fibers.t_band[..., EDGES])
     change = natural - L
     outside = band != LengthStatus.IN_BAND
     guilty = np.flatnonzero(outside.any(axis=0))

@@ -166,18 +166,21 @@ class MoldSection(Section):
 
 
 LATER = "recorded in the plan, not used yet"
+MODEL = "shape between the cups; auto: the cheapest within tolerance.shape_mm"
+LEFT_OUT = "change of the ply's shape that need not be modeled"
 
 
 class PlySection(Section):
     """The ply and its material."""
 
     take_up_mm: Annotated[float, Field(ge=0, le=50)] = 0.8
-    areal_mass_kg_m2: Annotated[float, Field(ge=0, le=100, description=LATER)] = 0.31
-    bending_stiffness_Nm: Annotated[float, Field(gt=0, le=1000, description=LATER)] = (
-        0.02
-    )
+    areal_mass_kg_m2: Annotated[float, Field(ge=0, le=100)] = 0.31
+    bending_stiffness_Nm: Annotated[float, Field(ge=1e-6, le=1000)] = 0.02
     overhang_mm: Annotated[float, Field(ge=0, le=500)] = 20.0
     sample_mm: Annotated[float, Field(ge=2, le=35)] = 10.0
+    model: Annotated[Literal["auto", "cubic", "modal"], Field(description=MODEL)] = (
+        "auto"
+    )
 
 
 class PlacementSection(Section):
@@ -246,7 +249,7 @@ class ToleranceSection(Section):
     pad_penetration_mm: Small = 1.0
     laid_sink_mm: Small = 3.0
     laid_bridge_mm: Small = 3.0
-    shape_mm: Annotated[Small, Field(description=LATER)] = 0.2
+    shape_mm: Annotated[Small, Field(description=LEFT_OUT)] = 0.2
 
 
 class Scene(Section):

@@ -1,6 +1,7 @@
 """The front's verdict in plain sentences: where, when, how much, what to change."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,16 @@ REMEDIES = {
     "down in smaller steps",
     EventKind.PAD_PENETRATION: "turn the cup along the mold before it lands, or land "
     "it heel first",
+}
+
+PLY_MODELS = {
+    "cubic": "Ply model cubic: fibers as long as their cups ask",
+    "modal": "Ply model modal: fibers bulge with what the take-up leaves",
+}
+CAUSES = {
+    "take_up": "fibers beyond the take-up",
+    "gravity": "sag between the cups",
+    "droop": "droop of the overhang",
 }
 
 
@@ -47,6 +58,69 @@ def sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
             when, how_near = labels[spot.pose], _mm(spot.value)
             lines.append(f"Nearest to {what}: {how_near} left, {when}, {_near(spot)}.")
     return lines + _laid_sentences(verdict, labels)
+
+
+def ply_sentences(facts: dict[str, Any]) -> list[str]:
+    """Say which ply model a verdict rests on, and what it leaves out.
+
+    Args:
+        facts: What the verdict says of the ply model, as plain data.
+
+    Returns:
+        Sentences: the model, what is left out, and how far coupled patches lie off.
+    """
+    tolerance = f"{facts['tolerance_mm']:g} mm"
+    lines = [f"{PLY_MODELS[facts['model']]}; {_asked(facts, tolerance)}."]
+    parts = {effect["cause"]: effect for effect in facts["effects"]}
+    texts = [
+        f"{words} {parts[cause]['size_mm']:.2f} mm ({_fate(parts[cause])})"
+        for cause, words in CAUSES.items()
+        if parts[cause]["size_mm"]
+    ]
+    if not parts["take_up"]["size_mm"]:
+        texts.insert(0, "no fiber leaves the take-up")
+    lines.append(f"Estimated, at most: {', '.join(texts)}.")
+    return [*lines, *_coupling_sentences(facts, parts["coupling"], tolerance)]
+
+
+def _fate(effect: dict[str, Any]) -> str:
+    """What became of an effect, in a few words."""
+    if not effect["modeled"]:
+        return "left out"
+    left = effect["left_out_mm"]
+    return f"modeled but for {left:.2f} mm" if left else "modeled"
+
+
+def _asked(facts: dict[str, Any], tolerance: str) -> str:
+    """Why this model, as half a sentence."""
+    if facts["asked"] != "auto":
+        return f"the scene asks for {facts['asked']}"
+    return f"the cheapest model within {tolerance} for the whole path"
+
+
+def _coupling_sentences(
+    facts: dict[str, Any], effect: dict[str, Any], tolerance: str
+) -> list[str]:
+    """How far patches whose strips hold each other lie off."""
+    if effect["patch"] is None:
+        return []
+    i, j = effect["patch"]
+    size = f"{effect['size_mm']:.2f} mm"
+    line = f"Strips that hold each other, left out: estimated {size} rms over"
+    line += f" patch ({i}, {j}) at waypoint {effect['waypoint']}"
+    solved = [one for one in facts["coupled"] if one["measured_mm"] is not None]
+    if not facts["coupled"]:
+        return [f"{line}, within {tolerance}."]
+    if not solved:
+        return [f"{line}; no stable coupled shape: read the margins against it."]
+    worst = max(solved, key=lambda one: (one["measured_mm"], one["patch"]))
+    i, j = worst["patch"]
+    line += f"; solved for {len(solved)} of the worst patches, they lie up to "
+    line += f"{worst['measured_mm']:.2f} mm rms off, {worst['largest_mm']:.2f} mm at a "
+    line += f"point: patch ({i}, {j}), waypoint {worst['waypoint']}"
+    if worst["measured_mm"] > facts["tolerance_mm"]:
+        line += f". That is beyond {tolerance}: read the margins against it"
+    return [f"{line}."]
 
 
 def _laid_sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:

@@ -51,6 +51,8 @@ PLACES = {
     "net": ["net", "largest_cell_shear_deg"],
     "margin": ["verdict", "front", "per_pose", "contact_area", 30],
     "fibers": ["verdict", "fibers", "longest_need_mm"],
+    "ply estimate": ["verdict", "ply_model", "effects", 3, "size_mm"],
+    "ply tolerance": ["scene", "tolerance", "shape_mm"],
     "mold": ["mold", "heights_m", 100, 100],
     "mold position": ["scene", "mold", "position_m", 2],
     "take-up": ["scene", "ply", "take_up_mm"],
@@ -97,6 +99,9 @@ def test_a_turned_verdict_is_seen(document):
         (["sequence", "steps", 0], lambda x: x[:1], "sequence.steps"),
         (["arm", "joint_names"], lambda x: x[::-1], "arm.joint_names"),
         (["scene", "robot", "name"], lambda x: None, "recomputed"),
+        (["verdict", "ply_model", "model"], lambda x: "modal", "ply_model.model"),
+        (["verdict", "ply_model", "gravity"], lambda x: not x, "ply_model.gravity"),
+        (["scene", "ply", "model"], lambda x: "modal", "verdict."),
     ],
 )
 def test_other_alterations_are_named(document, path, change, word):

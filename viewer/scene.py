@@ -44,7 +44,7 @@ def view_of(plan: Plan) -> PlanView:
     return PlanView(
         title=f"Drape on {mold_name(cell.scene)}",
         subtitle=(
-            f"Ply model {plan.verdict['ply_model']}, "
+            f"Ply model {plan.verdict['ply_model']['model']}, "
             f"fidelity {plan.verdict['fidelity']}, {robot.columns} x {robot.rows} cups"
         ),
         verdict=summary(plan.verdict, plan.judged[1].front, track),
