@@ -17,7 +17,7 @@ from urdf.arm import mass_of, payload_of
 
 Array = NDArray[np.float64]
 
-SINGULAR = 0.05  # [m] least singular value; see least_singular_value
+SINGULAR = 0.05  # [m] least singular value: a UR10 within 11 deg of a straight wrist
 FINEST = np.radians(3)  # [rad] largest joint travel between looks at the Jacobian
 LIMIT = 1e-6  # [rad] largest excess over a joint limit
 DECIMALS = 2  # of clearances in [mm]: what GJK repeats on any machine

@@ -24,6 +24,7 @@ from drapeplan.visuals import installed_folders
 
 Array = NDArray[np.float64]
 ROUND = 24  # [-] corners of the prism around a cylinder
+FLAT = 1e-4  # [m] thickness of what has none, such as a sheet
 TILE = 0.05  # [m] side of the mold's prisms: they rise 0.3 mm too high at R = 1 m
 FLOOR = 0.0  # [m] plane of base_link: mold and table are solid down to it
 
@@ -71,7 +72,15 @@ def solid(name: str, joint: int, points: Array) -> Solid:
 
 
 def hull(points: Array) -> Any:
-    """Coal's convex hull of points, shape (p, 3), in [m]."""
+    """Coal's convex hull of points, shape (p, 3), in [m].
+
+    Flat sets get the thickness FLAT first: coal ends the process on them.
+    """
+    for axis in np.linalg.eigh(np.cov(points.T, bias=True))[1].T:
+        if np.ptp(points @ axis) < FLAT:
+            points = np.concatenate(
+                [points - FLAT / 2 * axis, points + FLAT / 2 * axis]
+            )
     vector = coal.StdVec_Vec3s()
     vector.extend(list(points))
     return coal.Convex.convexHull(vector, False, "")

@@ -9,6 +9,7 @@ from drapeplan.solids import (
     NoGeometryError,
     arm_solids,
     herd,
+    hull,
     link_points,
     mold_prisms,
     table_prism,
@@ -121,3 +122,14 @@ def test_missing_geometry_is_told():
     bare = tool_urdf(SMALL).replace("visual>", "hidden>")
     with pytest.raises(NoGeometryError, match="platform"):
         tool_solids(bare, LEGS, SMALL.leg_max)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_flat_links_have_a_hull(count):
+    """A sheet, a line and a point would end the process in coal."""
+    points = np.array([[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1.0]])[:count]
+    tree = coal.DynamicAABBTreeCollisionManager()
+    tree.registerObject(coal.CollisionObject(hull(points)))
+    tree.setup()
+    away = heights_over(tree, np.array([[0, 0, 1.5]]))
+    assert_allclose(away, 0.5, atol=1e-4)
