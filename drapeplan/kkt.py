@@ -135,6 +135,8 @@ class Factor:
 
     def solve(self, right: Array) -> Array:
         """Solution for one right-hand side, shape (size,), or several, (size, k)."""
+        if not right.size:
+            return right
         solution: Array = dgbtrs(self._lu, self._band, self._band, right, self._pivots)[
             0
         ]

@@ -23,7 +23,7 @@ AT_REST = 1e-9  # [N m] largest moment left: 1e-7 of what a cup's weight does to
 CLOSED = 1e-11  # [m] largest error of a length: 1e-8 mm
 LONGEST_STEP = 0.2  # [rad] largest change of an angle in one iteration
 ITERATIONS = 20  # Newton takes 3-6 where it converges, more over large angles
-CAREFUL_ITERATIONS = 60  # of steps that go downhill
+CAREFUL_ITERATIONS = 100  # of steps that go downhill
 PATIENCE = 10  # iterations in which the errors must halve
 STIFF = 10.0  # [N] brings lengths to moments, so that both errors can be added
 CAREFUL_STEP = 0.1  # [rad]
@@ -115,7 +115,8 @@ class Settler:
             error = residual + STIFF * closure
             since = 0 if error < best / 2 else since + 1
             best = min(best, error)
-            lost = since > PATIENCE or rest.torn or not np.isfinite(error)
+            stuck = since > PATIENCE and not careful
+            lost = stuck or rest.torn or not np.isfinite(error)
             if found or iteration == limit or lost:
                 break
             try:
