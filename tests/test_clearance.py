@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +13,7 @@ from drapeplan.body_pairs import (
     SolidPairs,
     _segments,
 )
+from drapeplan.cell import build_cell, read_sources
 from drapeplan.clearance import (
     FINE,
     AbstractPairs,
@@ -20,8 +23,9 @@ from drapeplan.clearance import (
     least_clearance,
     travel,
 )
+from drapeplan.scene import read_scene
 from drapeplan.solids import Legs, arm_solids, herd, table_prism
-from tests.plans import panel
+from tests.plans import EXAMPLES
 from urdf.arm import read_arm
 
 EXACT = 1e-12  # [m] float64 at 1 m
@@ -179,7 +183,8 @@ def test_travel_bounds_what_a_body_moves():
 
 @pytest.mark.parametrize("ground", [0, 1])
 def test_heights_over_mold_and_table_bound_the_distance_of_legs(ground):
-    cell = panel().plan.cell
+    read = read_scene(EXAMPLES / "panel.yaml")
+    cell = build_cell(read, read_sources(read, EXAMPLES))
     name, prisms, bound = list(_grounds(cell))[ground]
     rng = np.random.default_rng(9)
     middle = prisms.reshape(-1, 3).mean(axis=0)
@@ -199,3 +204,15 @@ def test_heights_over_mold_and_table_bound_the_distance_of_legs(ground):
     assert (found <= exact + TOUCH)[apart].all()
     assert (found < TOUCH)[~apart].all()
     assert (found > 0).sum() > 10  # bounds that tell something
+
+
+@pytest.mark.parametrize("make", [leg_pairs, leg_table_pairs])
+def test_a_thicker_leg_is_nearer_by_what_its_radius_grew(make):
+    path = ArmPath(swing(10, count=3))
+    thin, thick = make(path), make(path)
+    thick.legs = replace(thick.legs, radius=thick.legs.radius + 0.02)
+    rows, pair = (x.ravel() for x in np.indices((path.count, len(thin.names))))
+    near, far = (
+        pairs.distances(path.waypoints, rows, pair, np.inf) for pairs in (thick, thin)
+    )
+    np.testing.assert_allclose(far - near, 0.02, atol=EXACT)
