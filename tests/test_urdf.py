@@ -139,6 +139,22 @@ def test_resilient_links_need_a_stiffness():
         ToolSpec(interlink_kind="resilient")
 
 
+def test_links_hold_one_length_or_a_range():
+    assert "length_range_m" not in tool_sidecar(RIGID)["interlinks"]
+    rigid = read_sidecar(tool_sidecar(RIGID)).interlinks
+    assert rigid.shortest == rigid.longest == rigid.length == 0.110
+    spec = ToolSpec("loose", rows=2, columns=2, interlink_length_range=5e-4)
+    loose = read_sidecar(sidecar_text(spec)).interlinks
+    assert (loose.shortest, loose.longest) == pytest.approx((0.1095, 0.1105))
+    sidecar = tool_sidecar(spec)
+    for wrong in (-1e-3, 0.110, "1 mm"):
+        sidecar["interlinks"]["length_range_m"] = wrong
+        with pytest.raises(InputError, match="length_range_m"):
+            read_sidecar(sidecar)
+    with pytest.raises(SpecError, match="interlink_length_range"):
+        ToolSpec("loose", interlink_length_range=0.2)
+
+
 def test_written_tools_are_read_back(tmp_path):
     paths = write_tool(SMALL, tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted(paths)
