@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 from scipy.sparse import csc_matrix, eye, hstack, vstack
 
 Array = NDArray[np.float64]
@@ -69,6 +68,8 @@ def relax(rows: Rows, reach: float) -> Array:
     Returns:
         The step, shape (n,).
     """
+    from scipy.optimize import linprog  # slow to import, and needed by failures alone
+
     m, n = rows.matrix.shape
     slack = -eye(m, format="csc")
     sides = [hstack([rows.matrix, slack]), hstack([-rows.matrix, slack])]

@@ -187,13 +187,14 @@ class StrokeSolver:
         status, programs = StrokeStatus.FOLLOWED, 0
         best, since = np.inf, 0
         while columns.size and programs < STEPS:
-            state = self.robot.kinematics(q)
-            residual = self.residual(state)
+            program = self.program(self.robot.kinematics(q), step)
+            taut = (-program.h).max(initial=0.0)
+            residual = max(np.abs(program.b).max(initial=0.0), taut) / MILLI
             since = 0 if residual < BETTER * best else since + 1
             best = min(best, residual)
             if residual > CLOSED and since >= PATIENCE:
                 break
-            solution = self.qp.solve(self.program(state, step))
+            solution = self.qp.solve(program)
             programs += 1
             if not solution.found:
                 status = StrokeStatus.INFEASIBLE
@@ -219,13 +220,6 @@ class StrokeSolver:
         here = replace(step, guess=q, request=(state.positions, state.rotations))
         held = self.solve(here)
         return self.judge(held.q, step.request, held.status, held.programs)
-
-    def residual(self, state: State) -> float:
-        """Largest error of an interlink or excess of a fiber, [m]."""
-        poses = state.positions, state.rotations
-        closure = np.abs(self.closures.values(*poses)).max(initial=0.0)
-        excess = self.chords.values(*poses).max(initial=0.0) - self.longest_fiber
-        return float(max(closure, excess))
 
     def pattern(self, fixed: Mask) -> Pattern:
         """Pattern of the steps with given cups on the mold; the last one is kept."""
