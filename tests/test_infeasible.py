@@ -11,6 +11,7 @@ from tests.plans import scene, stages
 from urdf.generate import write_tool
 from urdf.spec import ToolSpec
 
+SMALL = {"rows": 4, "columns": 5}  # a tool whose refusals take a second
 BOWL = {"kind": "paraboloid", "radius_x_m": -1.0, "radius_y_m": -1.0}
 
 
@@ -37,15 +38,16 @@ def write(tmp_path):
 
 def test_high_interlinks_on_a_bowl_leave_fibers_too_short(write):
     """Links 30 mm above the faces draw in on a bowl: the faces part by 30 s / R."""
-    error, _, _ = refusal(scene(BOWL, tool=write(interlink_height=0.03)))
+    bowl = {"kind": "paraboloid", "radius_x_m": -0.8, "radius_y_m": -0.8}
+    error, _, _ = refusal(scene(bowl, tool=write(**SMALL, interlink_height=0.03)))
     assert {row.kind for row in error.rows} <= {RowKind.FIBER, RowKind.INTERLINK}
     assert "a fiber between cup (" in error.what
     assert "interlinks nearer the suction face" in error.remedy
 
 
-def test_a_tight_sphere_wants_more_take_up():
-    sphere = {"kind": "sphere", "radius_m": 0.5}
-    error, _, _ = refusal(scene(sphere, ply={"take_up_mm": 0.3}))
+def test_a_tight_sphere_wants_more_take_up(write):
+    sphere, ply = {"kind": "sphere", "radius_m": 0.5}, {"take_up_mm": 0.3}
+    error, _, _ = refusal(scene(sphere, ply=ply, tool=write(**SMALL)))
     assert error.rows[0].kind == RowKind.FIBER
     assert "is too short" in error.what
     assert "take_up_mm" in error.remedy
