@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from drapeplan.kkt import Layouts, Mask
+from drapeplan.kkt import Layout, Layouts, Mask
 from drapeplan.legs import STROKE, Array
 from drapeplan.robot import Robot
 from drapeplan.settle import Pose, Rest, Settler, Sides, least_curvature, reduced
@@ -139,6 +139,36 @@ class Equilibrium:
                 rest, least = careful, least_careful
         return self._result(q, rest, least, count)
 
+    def settle_once(self, q: Array, fixed: Mask, warm: Settled) -> Settled:
+        """One run of Newton's method, with no help where it goes astray.
+
+        Args:
+            q: Configuration, shape (nq,).
+            fixed: Legs whose coordinates stay, shape (n,).
+            warm: Result of a pose nearby.
+
+        Returns:
+            Where it ended, with its status.
+        """
+        free = ~np.asarray(fixed, dtype=bool)
+        T = self.robot.arm_forward(q[self.robot.arm_columns])
+        rest = self._settler.settle(T, self._pose(q, warm), free)
+        least = self._least(rest, free)
+        return self._result(np.array(q, dtype=float), rest, least, rest.iterations)
+
+    def layout(self, free: Mask, forces: Array) -> Layout:
+        """Places of the unknowns of Newton's system.
+
+        Args:
+            free: Legs that are free, shape (n,).
+            forces: Of all rows, shape (r,); rigid links count with any force.
+
+        Returns:
+            The layout.
+        """
+        live = free[self.energy.row_pairs].any(axis=1)
+        return self._layouts(free, live & (self._settler.rigid | (forces != 0)))
+
     def sensitivities(self, settled: Settled, fixed: Mask) -> Sensitivities:
         """Derivatives of all cup poses by the strokes of the free legs.
 
@@ -154,11 +184,9 @@ class Equilibrium:
         """
         robot, free = self.robot, ~np.asarray(fixed, dtype=bool)
         pose = self._pose(settled.q, settled)
-        live = free[self.energy.row_pairs].any(axis=1)
-        sides = np.where(live, np.where(self._settler.rigid, 1, pose.sides), 0)
         T = robot.arm_forward(settled.q[robot.arm_columns])
         terms = self.energy.evaluate(T, pose.legs, pose.forces)
-        layout = self._layouts(free, sides != 0)
+        layout = self.layout(free, pose.forces)
         cups = layout.cups
         right = np.zeros((layout.size, len(robot.leg_columns)))
         right[layout.x[cups], cups[:, None]] = terms.own[cups][:, PASSIVE, STROKE]
