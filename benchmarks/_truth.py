@@ -13,7 +13,7 @@ from ply.coupled_array import coupled_points
 from ply.coupled_choice import coupled_alternatives
 from ply.fiber import Array
 from ply.grid import CupGrid
-from ply.ladder import ladder_alternatives
+from ply.ladder import Rung, ladder_alternatives
 from ply.reconcile import reconcile
 from ply.shape import evaluate, ply_fibers
 from ply.sides import alternatives
@@ -150,6 +150,18 @@ def table(every: list[Case], found: dict[str, dict[str, Score]]) -> list[str]:
     return lines
 
 
+def rung_shares(every: list[Case]) -> dict[str, float]:
+    """Share of the patches and strips that stand on each rung with auto."""
+    rungs = [
+        ladder_alternatives(case.grid, case.positions, case.rotations, COUNT).rung[0]
+        for case in every
+    ]
+    flat = np.concatenate([rung.ravel() for rung in rungs])
+    return {
+        f"auto_share_{rung.name.lower()}": float((flat == rung).mean()) for rung in Rung
+    }
+
+
 def noisy_sphere(every: list[Case], seeds: int) -> dict[str, float]:
     """Median rms under pose noise on the 5 x 3 sphere, in [mm]."""
     case = next(case for case in every if case.name == "C_sph2000")
@@ -208,7 +220,7 @@ def run_truth(quick: bool) -> dict:
     result["auto_over_coupled_time"] = (
         result["auto_seconds"] / result["coupled_seconds"]  # type: ignore[operator]
     )
-    result |= noisy_sphere(every, 5 if quick else 25)
+    result |= rung_shares(every) | noisy_sphere(every, 5 if quick else 25)
     result["table"] = table(every, found)
     result["cases"] = {
         name: {rung: score._asdict() for rung, score in row.items()}

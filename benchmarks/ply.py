@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks import coupled
 from benchmarks._timing import median_time
 from benchmarks._truth import run_truth
 from ply.fiber import quartic_fibers
@@ -13,12 +14,26 @@ from ply.shape import PlySampling, ply_fibers
 GRID = CupGrid(rows=8, columns=6, pitch=0.11, half_width=0.02)
 STEP, OVERHANG, TAKE_UP = 0.01, 0.02, 0.8e-3  # [m] as in the default scene
 BATCHES = (1, 64)
+TIMES = ("cold_alone", "cold_batched", "warm_alone", "warm_batched")
 FIBERS = 10_000
 
 
 def run(quick: bool) -> dict:
     """Every rung against finite elements, and times of the whole ply."""
-    return run_truth(quick) | whole_ply(quick)
+    return run_truth(quick) | coupled_patches(quick) | whole_ply(quick)
+
+
+def coupled_patches(quick: bool) -> dict:
+    """Milliseconds a coupled patch of the default order, and what finite elements take.
+
+    The benchmark `coupled` has more of it.
+    """
+    found = coupled.run(quick)
+    own = {key: found[f"order_5_{key}_ms"] for key in TIMES}
+    ratios = {key: value for key, value in found.items() if key.startswith("finite")}
+    return {f"coupled_{key}_ms_per_patch": own[key] for key in TIMES} | {
+        f"{key}_coupled_patch": value for key, value in ratios.items()
+    }
 
 
 def whole_ply(quick: bool) -> dict:

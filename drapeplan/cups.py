@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from drapeplan.cups_file import MM, Cups, read_cups
 from drapeplan.errors import InputError
 from drapeplan.files import write_text
-from drapeplan.shape_models import Held, hold
+from drapeplan.shape_models import Held, effect_facts, hold
 from ply.errors import PlyError
 from ply.fiber import FiberStatus, LengthStatus, bubble_height
+from ply.grid import EDGE
 from ply.shape import PlyFibers, PlySampling
 
 __all__ = ["Cups", "read_cups", "shape_report", "shape_table", "write_csv"]
@@ -45,7 +46,7 @@ def shape_table(
             length inside its band.
         model: One of `drapeplan.shape_models.MODELS`.
         points_path: CSV file of material points with the columns s_mm and t_mm, or None
-            for a regular grid over cups and spans, t in the outer loop.
+            for a regular grid over cups, spans and overhang, t in the outer loop.
         step: Distance between the lines of the regular grid, in [m].
 
     Returns:
@@ -65,7 +66,7 @@ def table_of(held: Held, points_path: str | Path | None, step: float = STEP) -> 
         rows = _read_points(held.cups, str(points_path))
         return np.column_stack([rows, held.points(*(MM * rows).T) / MM])
     try:
-        sampling = PlySampling.regular(grid, step)
+        sampling = PlySampling.regular(grid, step, held.cups.overhang or 0.0)
     except PlyError as error:
         raise InputError("--step-mm", "", error.problem, error.remedy) from None
     st = sampling.points_st.reshape(-1, 2)
@@ -82,8 +83,9 @@ def shape_report(cups: Cups, model: str = "quartic") -> dict[str, Any]:
     Returns:
         The model, the number of fibers, counts by FiberStatus and (with a take-up) by
         LengthStatus, and the list of failing fibers: name, status, excess_mm (length
-        that is missing, negative where it is slack) and a sentence; for a ladder, the
-        rungs in words.
+        that is missing, negative where it is slack) and a sentence; the effects that a
+        model may leave out, with estimate, tolerance and what became of them; for a
+        ladder, the rungs in words.
 
     Raises:
         InputError: The model does not exist.
@@ -108,8 +110,9 @@ def report_of(held: Held, model: str) -> dict[str, Any]:
         report["length"] = {
             kind.name.lower(): int((band == kind).sum()) for kind in LengthStatus
         }
-    if held.climb is not None:
-        report["rungs"] = held.words
+    if held.rungs:
+        report["rungs"] = held.rungs
+    report["effects"] = [effect_facts(one) for one in held.effects]
     return report | {"failing": list(_failing(cups, fibers))}
 
 
@@ -163,14 +166,17 @@ def _point(source: str, line: int, row: dict[str, str | None]) -> tuple[float, f
 
 
 def _check_on_ply(cups: Cups, source: str, rows: Array) -> None:
-    """Overhang is extended linearly, which means nothing further than one pitch out."""
+    """Ply ends with its overhang; unknown, it means nothing beyond one pitch out."""
     grid = cups.grid
-    count = np.array([grid.columns, grid.rows])
-    off = ~((rows > -grid.pitch / MM) & (rows < count * grid.pitch / MM)).all(axis=1)
+    far, remedy = grid.pitch - EDGE, "stay within one pitch of the outer cups' centers"
+    if cups.overhang is not None:
+        far = grid.half_width + cups.overhang + EDGE
+        remedy = f"stay within {far / MM:g} mm of the outer cups' centers"
+    last = (np.array([grid.columns, grid.rows]) - 1) * grid.pitch
+    off = ~((rows >= -far / MM) & (rows <= (last + far) / MM)).all(axis=1)
     if off.any():
         n = int(np.flatnonzero(off)[0])
         problem = f"point {n + 1} at ({rows[n, 0]:g}, {rows[n, 1]:g}) mm is off the ply"
-        remedy = "stay within one pitch of the outer cups' centers"
         raise InputError(source, "", problem, remedy)
 
 
@@ -217,7 +223,8 @@ def _verdict(
             f"overstretched: its ends are {(chord - length) / MM:.2g} mm further apart"
         )
         return "overstretched", chord - length, words + " than its length"
-    bow = f"bows up to {float(bubble_height(-excess, length)) / MM:.2g} mm"
+    surplus = -excess - take_up  # what the weave cannot take up bows out
+    bow = f"bows up to {float(bubble_height(surplus, length)) / MM:.2g} mm"
     if take_up > 0:
         words = f"needs {excess / MM:.2g} mm, more than its take-up"
         if excess < 0:

@@ -2,6 +2,7 @@
 
 Format drapeplan-cups/1, JSON. Each cup has its row and column, the center of its
 suction face and a rotation whose columns are the directions of s, t and the normal.
+The block `ply` has what is known of the ply's mass, stiffness and edge.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 
 MM = 1e-3  # [m] one millimeter
 ROTATION_ERROR = 5e-4  # [-] of R'R: what four printed decimals leave
+EARTH = 9.81  # [m/s^2]
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -30,6 +32,7 @@ REMEDIES = {
     "finite_number": "write a finite number",
     "missing": "add it",
     "extra_forbidden": "remove it or mend its spelling",
+    "less_than_equal": "mind the unit in the key",
 }
 
 
@@ -67,11 +70,21 @@ class CupEntry(_Model):
     rotation: tuple[Triple, Triple, Triple]
 
 
+class PlyEntry(_Model):
+    """What is known of the ply in a cups file; nothing of it need be."""
+
+    areal_mass_kg_m2: Annotated[float, Field(ge=0, le=50)] | None = None
+    bending_stiffness_Nm: Annotated[float, Field(gt=0, le=1)] | None = None
+    overhang_mm: NotNegative | None = None
+    up: Triple = (0.0, 0.0, 1.0)
+
+
 class CupsFile(_Allowance):
     """A cups file as it is written."""
 
     format: Literal["drapeplan-cups/1"]
     grid: GridEntry
+    ply: PlyEntry = PlyEntry()
     cups: list[CupEntry]
 
 
@@ -88,6 +101,10 @@ class Cups:
         pose_sigma_angle: Standard deviation of the directions, in [rad]; 0: exact.
         source: The file that was read.
         lengths_given: Whether the file gives s_length_mm, and t_length_mm.
+        areal_mass: Mass of the ply, in [kg/m^2], or None where the file has none.
+        bending: Bending stiffness of the ply, in [N m], or None.
+        overhang: Ply beyond the edges of the outer cups, in [m], or None.
+        up: Direction against gravity, a unit vector.
     """
 
     grid: CupGrid
@@ -98,6 +115,19 @@ class Cups:
     pose_sigma_angle: float = 0.0
     source: str = ""
     lengths_given: tuple[bool, bool] = (False, False)
+    areal_mass: float | None = None
+    bending: float | None = None
+    overhang: float | None = None
+    up: Triple = (0.0, 0.0, 1.0)
+
+    def weight(self) -> Triple:
+        """Weight of the ply per area, in [N/m^2]; 0 where mass or stiffness is unknown.
+
+        Gravity bends the ply by the ratio of both.
+        """
+        mass = 0.0 if self.bending is None else self.areal_mass or 0.0
+        x, y, z = (0.0 - EARTH * mass * one for one in self.up)
+        return x, y, z
 
 
 def read_cups(path: str | Path) -> Cups:
@@ -117,15 +147,25 @@ def read_cups(path: str | Path) -> Cups:
     entry = _parse(source, read_text(source, "give a JSON file"))
     grid = _grid(source, entry.grid)
     positions, rotations = _poses(source, grid, entry.cups)
+    overhang = _overhang(source, grid, entry.ply)
+    take_up = MM * _allowance(source, entry, "take_up_mm")
+    shortest = min(grid.s_length, grid.t_length)
+    if take_up >= shortest:
+        problem = f"{take_up / MM:g} mm in spans of {shortest / MM:g} mm"
+        raise InputError(source, "take_up_mm", problem, "mind the unit")
     return Cups(
         grid,
         positions,
         rotations,
-        MM * _allowance(source, entry, "take_up_mm"),
+        take_up,
         MM * _allowance(source, entry, "pose_sigma_mm"),
         float(np.deg2rad(_allowance(source, entry, "pose_sigma_deg"))),
         source,
         (entry.grid.s_length_mm is not None, entry.grid.t_length_mm is not None),
+        entry.ply.areal_mass_kg_m2,
+        entry.ply.bending_stiffness_Nm,
+        overhang,
+        _up(source, entry.ply),
     )
 
 
@@ -155,6 +195,26 @@ def _grid(source: str, entry: GridEntry) -> CupGrid:
         key = f"grid.{error.argument}"
         key += "" if error.argument in ("rows", "columns") else "_mm"
         raise InputError(source, key, error.problem, error.remedy) from None
+
+
+def _overhang(source: str, grid: CupGrid, entry: PlyEntry) -> float | None:
+    """Overhang in [m]; models continue cups and strips, which has its limits."""
+    if entry.overhang_mm is None:
+        return None
+    most = grid.pitch - grid.half_width
+    if MM * entry.overhang_mm >= most:
+        problem = f"{entry.overhang_mm:g} mm reach a pitch beyond the outer cups"
+        remedy = f"use less than {most / MM:g} mm"
+        raise InputError(source, "ply.overhang_mm", problem, remedy)
+    return MM * entry.overhang_mm
+
+
+def _up(source: str, entry: PlyEntry) -> Triple:
+    size = float(np.linalg.norm(entry.up))
+    if size == 0:
+        raise InputError(source, "ply.up", "has no direction", "write [0, 0, 1]")
+    x, y, z = (float(one) / size for one in entry.up)
+    return x, y, z
 
 
 def _poses(source: str, grid: CupGrid, entries: list[CupEntry]) -> tuple[Array, Array]:

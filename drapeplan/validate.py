@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from drapeplan.compare import FAR, Array, Comparison, Place, Surface, compare, rms
-from drapeplan.cups import shape_report
+from drapeplan.cups import report_of
 from drapeplan.cups_file import MM, Cups
 from drapeplan.errors import InputError
 from drapeplan.scan import Scan
-from drapeplan.shape_models import check_model, hold
+from drapeplan.shape_models import Held, check_model, hold
 from drapeplan.surface_fit import (
     Field,
     Frame,
@@ -139,7 +139,8 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
     local = frame.local(world)
     cups, lengths = _with_lengths(cups, frame, local, scan.source)
     start = time.perf_counter()
-    surface = model_surface(cups, model)
+    held = hold(cups, model)[0]
+    surface = _surface(held)
     seconds = time.perf_counter() - start
     found = compare(surface, cups.grid, world)
     free = found.free
@@ -167,7 +168,7 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
         worst=_worst(error, found.st[free]),
         lengths=lengths,
         grid=cups.grid,
-        report=shape_report(cups, model),
+        report=report_of(held, model) | {"words": held.words},
         seconds=seconds,
         evidence=Evidence(cups, frame, local, found, surface, error),
     )
@@ -175,9 +176,13 @@ def validate(cups: Cups, scan: Scan, model: str = "quartic") -> Validation:
 
 def model_surface(cups: Cups, model: str) -> Surface:
     """The model's ply from the outer edges of the outer cups to each other, in [m]."""
-    grid = cups.grid
+    return _surface(hold(cups, model)[0])
+
+
+def _surface(held: Held) -> Surface:
+    grid = held.cups.grid
     s, t = _lines(grid, grid.columns), _lines(grid, grid.rows)
-    return Surface(s, t, hold(cups, model)[0].points(*np.meshgrid(s, t)))
+    return Surface(s, t, held.points(*np.meshgrid(s, t)))
 
 
 def _lines(grid: CupGrid, count: int) -> Array:

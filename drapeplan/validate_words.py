@@ -78,4 +78,4 @@ def table(validation: Validation) -> list[str]:
     lines.append(f"{counts[Place.FREE]} points compared; left out: {left_out}")
     failing = v.report["failing"]
     lines.append(f"{len(failing)} of {v.report['fibers']} fibers miss their length")
-    return lines
+    return lines + v.report["words"]

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from ply.errors import PlyError
 from ply.fiber import Array, dot
+from ply.gravity import cantilever_droop
 from ply.grid import EDGE, AxisPlace, CupGrid
-from ply.measures import cantilever_droop
 
 CORNER_TIP = 3.0  # [-] droop of a corner's tip over that of an edge: a plate's, D17
 
@@ -90,7 +90,7 @@ def free_edge_droop(
     size = np.sqrt(dot(normal, normal))[..., None]
     normal = normal / np.where(size > 0, size, 1.0)
     load = dot(normal, weight)
-    asked = _largest(grid, rotations, weight, stiffness, overhang) > tolerance
+    asked = largest_droop(grid, rotations, weight, stiffness, overhang) > tolerance
     out[..., n, :] = (asked[..., None] * load * shape)[..., None] * normal
     return out
 
@@ -100,16 +100,31 @@ def _beyond(place: AxisPlace, half_width: float) -> Array:
     return np.where(place.overhang, abs(place.y) - half_width, 0.0)
 
 
-def _largest(
-    grid: CupGrid, rotations: Array, weight: Array, stiffness: float, overhang: float
+def largest_droop(
+    grid: CupGrid,
+    rotations: Array,
+    weight: ArrayLike,
+    stiffness: float,
+    overhang: float,
 ) -> Array:
-    """Largest droop of any tip of each pose, shape (...)."""
+    """Largest droop of any tip of each pose, corners included.
+
+    Args:
+        grid: The cup array.
+        rotations: Cup frames, shape (..., n_cups, 3, 3).
+        weight: Weight of the ply per area, a vector, shape (3,), in [N/m^2].
+        stiffness: Bending stiffness, in [N m].
+        overhang: Ply beyond the edges of the outer cups, in [m].
+
+    Returns:
+        Droops without a sign, shape (...), in [m].
+    """
     droop = abs(tip_droop(rotations, weight, stiffness, overhang))
     droop = droop.reshape(*droop.shape[:-1], grid.rows, grid.columns)
     rim = np.ones((grid.rows, grid.columns))
     rim[1:-1, 1:-1] = 0
     rim[np.ix_([0, -1], [0, -1])] = CORNER_TIP
-    return (rim * droop).max(axis=(-1, -2))
+    return np.asarray((rim * droop).max(axis=(-1, -2)))
 
 
 def _check(

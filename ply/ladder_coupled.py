@@ -21,8 +21,49 @@ def solve_cells(
     poses: tuple[Array, Array],
     sides: Sides,
     high: NDArray[np.bool_],
+    heavy: NDArray[np.bool_],
 ) -> CoupledPatches:
-    """Coupled cells where asked for, void ones elsewhere; equal ones solved once."""
+    """Coupled cells where asked for, void ones elsewhere; equal ones solved once.
+
+    Args:
+        grid: The cup array.
+        model: The energy.
+        poses: Positions and rotations of the cups, shape (..., n_cups, 3) and so on.
+        sides: Where the strips start.
+        high: Cells to solve, shape (..., cells along t, cells along s), one or more.
+        heavy: Cells in which the model's weight counts.
+
+    Returns:
+        The cells, batch shape as `high`.
+    """
+    if not any(model.weight):
+        return _solve_cells(grid, model, poses, sides, high)
+    parts = [
+        (mask, _solve_cells(grid, own, poses, sides, mask))
+        for mask, own in ((high & heavy, model), (high & ~heavy, weightless(model)))
+        if mask.any()
+    ]
+    found = parts[0][1]
+    for mask, other in parts[1:]:
+        for name in ARRAYS:
+            getattr(found, name)[mask] = getattr(other, name)[mask]
+    return found
+
+
+@cache
+def weightless(model: CoupledModel) -> CoupledModel:
+    """The same model without a weight."""
+    return replace(model, weight=(0.0, 0.0, 0.0))
+
+
+def _solve_cells(
+    grid: CupGrid,
+    model: CoupledModel,
+    poses: tuple[Array, Array],
+    sides: Sides,
+    high: NDArray[np.bool_],
+) -> CoupledPatches:
+    """Cells with one model."""
     cups, spans = patch_cups(grid), high.reshape(*poses[0].shape[:-2], -1)
     if patch_region := min(grid.rows, grid.columns) > 1:
         spans = high

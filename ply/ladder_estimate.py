@@ -8,22 +8,25 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ply.fiber import Array, FiberStatus, Statuses, bubble_height
 from ply.grid import CupGrid
 from ply.measures import Measures
+from ply.sides import strip_bending
 from ply.weave import PlyFibers
 
 FLAT = 0.2  # [-] of the relief of the ply beside a cup that is flat; D18
 COUPLING = 0.1  # [-] of the change of bow of a patch's middle fibers
 SHEAR = 1.0  # [-] of what shear adds to a curved patch
 SLIDE = 1.0  # [-] of the bow of the length that a lone strip gains by shear
+STIFF = 6e4  # [1/m^2] shear over bending stiffness above which it bows more, D18
 BENT_IN_PLANE = 5.0  # [-] a cubic that leaves at an angle a is longer by L a^2 / 5
 TWIST = 0.1  # [-] of the bow of lengths by which fibers of a strip differ
 LONE_TWIST = 1.0  # [-] the same of a strip that no patch holds
+GRAVITY = 0.5  # [-] of the sag of a patch; D18
 OPEN = 0.3  # [-] of the largest distance between a strip and its other side
 RIVAL = 2.0  # [-] bending energy of the other side over that of a strip's own
-PLACES = np.linspace(0.0, 1.0, 9)  # [-] along a fiber, where bending is summed
 
 
 class Causes(NamedTuple):
@@ -36,6 +39,7 @@ class Causes(NamedTuple):
         twist: The fibers of a strip ask for different lengths.
         open: Slack lets a strip bulge to its other side for little energy.
         stretch: Cups are farther apart than a fiber reaches.
+        gravity: Patches sag more than the strips around them.
     """
 
     flat: Array
@@ -44,10 +48,16 @@ class Causes(NamedTuple):
     twist: Array
     open: Array
     stretch: Array
+    gravity: Array
 
 
 def causes(
-    grid: CupGrid, fibers: PlyFibers, turned: PlyFibers, found: Measures
+    grid: CupGrid,
+    fibers: PlyFibers,
+    turned: PlyFibers,
+    found: Measures,
+    heavy: ArrayLike = 0.0,
+    stiffness: float = STIFF,
 ) -> Causes:
     """Estimate what the coupled patch would change.
 
@@ -56,6 +66,8 @@ def causes(
         fibers: Modal fibers of the poses, three a strip.
         turned: The same asked to bulge to the other side.
         found: Measures of the same poses.
+        heavy: Sag of each cell whose gravity is modeled, 0 of others, in [m].
+        stiffness: Shear stiffness over bending stiffness, in [1/m^2].
 
     Returns:
         The estimates; their sum bounds the difference.
@@ -63,8 +75,8 @@ def causes(
     around, lone = partial(largest_around, grid), min(grid.rows, grid.columns) == 1
     lengths = grid.s_length, grid.t_length
     curves = (fibers.s, turned.s), (fibers.t, turned.t)
-    naturals = fibers.s_natural, fibers.t_natural
-    twist = [_twist(n, L) for n, L in zip(naturals, lengths, strict=True)]
+    missing = fibers.s_natural - fibers.s_used, fibers.t_natural - fibers.t_used
+    twist = [_twist(e, L) for e, L in zip(missing, lengths, strict=True)]
     rivals = [_rival(own, other) for own, other in curves]
     over = _stretch(fibers.s_status, fibers.s_excess)
     stretch = around(over, _stretch(fibers.t_status, fibers.t_excess))
@@ -72,13 +84,31 @@ def causes(
         angles = zip((found.s_shear, found.t_shear), lengths, strict=True)
         slides = [bubble_height(L * a**2 / BENT_IN_PLANE, L) for a, L in angles]
         flat = coupling = np.zeros_like(stretch)
-        shear = SLIDE * around(*slides)
+        shear = SLIDE * max(1.0, stiffness / STIFF) ** 0.5 * around(*slides)
     else:
         bends = [_end_curvature(c[0], L) for c, L in zip(curves, lengths, strict=True)]
         flat = FLAT * grid.half_width**2 / 2 * around(*bends)
         coupling, shear = COUPLING * found.coupling, SHEAR * found.shear_effect
     twisted = (LONE_TWIST if lone else TWIST) * around(*twist)
-    return Causes(flat, coupling, shear, twisted, OPEN * around(*rivals), stretch)
+    opened = OPEN * around(*rivals)
+    return Causes(
+        flat, coupling, shear, twisted, opened, stretch, GRAVITY * np.asarray(heavy)
+    )
+
+
+def tipping(grid: CupGrid, parts: Causes) -> Array:
+    """How far a small load may tip cells whose shape their cups hardly decide.
+
+    Args:
+        grid: The cup array.
+        parts: The estimates.
+
+    Returns:
+        Distances, in [m]: to other sides of strips, and bows of either sign.
+    """
+    share = LONE_TWIST if min(grid.rows, grid.columns) == 1 else TWIST
+    bows = parts.open / OPEN + parts.twist / share
+    return np.asarray(bows + parts.shear + parts.stretch)
 
 
 def largest_around(grid: CupGrid, s: Array, t: Array) -> Array:
@@ -106,24 +136,17 @@ def _end_curvature(curves: Array, length: float) -> Array:
     return np.asarray(size.max(axis=(-1, -2)))
 
 
-def _twist(natural: Array, length: float) -> Array:
-    """Bow of the length by which the fibers of a strip differ, in [m]."""
-    return bubble_height(natural.max(axis=-1) - natural.min(axis=-1), length)
+def _twist(missing: Array, length: float) -> Array:
+    """Bow of the length by which the fibers of a strip differ in need, in [m]."""
+    return bubble_height(missing.max(axis=-1) - missing.min(axis=-1), length)
 
 
 def _rival(own: Array, other: Array) -> Array:
     """Distance in the middle to the other side, 0 if that takes much energy, in [m]."""
     middle = 0.5 ** np.arange(own.shape[-2]) @ (own - other)
     distance = np.linalg.norm(middle, axis=-1).max(axis=-1)
-    near = _bending(other) < RIVAL * _bending(own)
+    near = strip_bending(other) < RIVAL * strip_bending(own)
     return np.where(near, distance, 0.0)
-
-
-def _bending(curves: Array) -> Array:
-    """Sum of squared second derivatives over a strip's fibers."""
-    k = np.arange(curves.shape[-2])
-    second = PLACES[:, None] ** np.maximum(k - 2, 0) * (k * (k - 1)) @ curves
-    return np.asarray((second**2).sum(axis=(-1, -2, -3)))
 
 
 def _stretch(status: Statuses, excess: Array) -> Array:

@@ -10,10 +10,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ply.fiber import Array, FiberStatus, dot, powers
+from ply.fiber import Array, FiberStatus, dot
 from ply.grid import CupGrid
 from ply.ladder_estimate import largest_around
 from ply.sampling import PlySampling
+from ply.sides import strip_distance
 from ply.weave import PlyFibers
 
 IN_SPAN = np.linspace(0.1, 0.9, 5)  # [-] places along a span where rungs are compared
@@ -75,12 +76,19 @@ def cells(grid: CupGrid) -> tuple[int, int]:
 
 
 def cheap_rungs(
-    grid: CupGrid, cheap: list[PlyFibers], poses: tuple[Array, Array], room: Array
+    grid: CupGrid, surfaces: list[Array], room: Array
 ) -> tuple[NDArray[np.int64], Array]:
-    """Lowest cheap rung of each cell that those above leave room for, and its loss."""
-    if not room.size:
-        return np.zeros(room.shape, dtype=np.int64), np.zeros(room.shape)
-    surfaces = [probes(grid).points(one, *poses) for one in cheap]
+    """Lowest cheap rung of each cell that those above leave room for, and its loss.
+
+    Args:
+        grid: The cup array.
+        surfaces: Points of cubic, quartic and modal ply on the lines of `probes`; shape
+            (..., n_t, n_s, 3), in [m].
+        room: Largest loss of each cell, shape (..., cells along t, cells along s).
+
+    Returns:
+        Rungs and losses, shape as `room`.
+    """
     to_quartic, to_modal, last = (
         cell_rms(grid, surfaces[a], surfaces[b]) for a, b in ((0, 1), (0, 2), (1, 2))
     )
@@ -111,7 +119,7 @@ def joined(grid: CupGrid, cheap: list[PlyFibers], rung: NDArray[np.int64]) -> Pl
         return cheap[0]
     top, curves = cheap[-1], {}
     for axis, name in enumerate("st"):
-        level = _strip_rung(grid, rung, axis)[..., None, None, None]
+        level = largest_beside(grid, rung, axis)[..., None, None, None]
         own = [_as_modal(getattr(one, name)) for one in cheap]
         curves[name] = np.where(
             level == Rung.CUBIC, own[0], np.where(level == Rung.QUARTIC, own[1], own[2])
@@ -119,8 +127,19 @@ def joined(grid: CupGrid, cheap: list[PlyFibers], rung: NDArray[np.int64]) -> Pl
     return replace(top, **curves)
 
 
-def _strip_rung(grid: CupGrid, rung: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
-    """Highest rung around each strip along s (axis 0) or t (axis 1)."""
+def largest_beside(
+    grid: CupGrid, rung: NDArray[np.int64], axis: int
+) -> NDArray[np.int64]:
+    """Highest rung, or other level, of the cells beside each strip.
+
+    Args:
+        grid: The cup array.
+        rung: Level of each cell, shape (..., cells along t, cells along s).
+        axis: 0 for strips along s, 1 for those along t.
+
+    Returns:
+        Levels, shape (..., rows, columns - 1) or (..., rows - 1, columns).
+    """
     shape = (
         (grid.rows, grid.columns - 1) if axis == 0 else (grid.rows - 1, grid.columns)
     )
@@ -148,9 +167,5 @@ def _as_modal(curves: Array) -> Array:
 
 def strips_apart(first: PlyFibers, second: PlyFibers) -> float:
     """Largest rms distance between a strip of two shapes, in [m]."""
-    most = 0.0
-    for a, b in ((first.s, second.s), (first.t, second.t)):
-        away = powers(IN_SPAN, a.shape[-2]) @ (a - b)
-        square = dot(away, away).mean(axis=(-1, -2))
-        most = max(most, float(np.sqrt(square.max(initial=0.0))))
-    return most
+    pairs = (first.s, second.s), (first.t, second.t)
+    return max(float(strip_distance(a, b).max(initial=0.0)) for a, b in pairs)

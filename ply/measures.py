@@ -13,14 +13,12 @@ from numpy.typing import ArrayLike
 
 from ply.errors import PlyError
 from ply.fiber import Array, bubble_height, dot, natural_length
+from ply.gravity import EARTH, PATCH_SAG, around, cantilever_droop, gravity_sags
 from ply.grid import CupGrid
 from ply.sampling import PlySampling
 from ply.weave import ply_fibers
 
-EARTH = (0.0, 0.0, -9.81)  # [m/s^2]
 SHEAR_STIFFNESS = 300.0  # [N/m] in-plane, of woven prepreg: plausible, not measured
-CLAMPED_SPAN = 384.0  # [-] q L^4 / (384 D): middle of a strip clamped at both ends
-PATCH_SAG = 2.8  # [-] patch over strip: plate on square cups, d / L = 2 / 7, D7
 CLAMPED_SHEAR = 14.71  # [-] of pi^2 D / L^2: a clamped square buckles in shear
 MOST_AMPLIFIED = 0.9  # [-] of that load: past it, linear amplification says nothing
 CORNER = 4.0  # [-] droop of a corner over an edge: its cantilever is sqrt(2) longer
@@ -97,6 +95,7 @@ def measures(
     overhang: float = 0.0,
     shear_stiffness: float = SHEAR_STIFFNESS,
     gravity: ArrayLike = EARTH,
+    take_up: float = 0.0,
 ) -> Measures:
     """Estimate what independent fibers leave out.
 
@@ -109,6 +108,7 @@ def measures(
         overhang: Ply beyond the outer cups, in [m].
         shear_stiffness: In-plane shear stiffness, in [N/m].
         gravity: Acceleration, shape (3,), in [m/s^2].
+        take_up: Largest change of fiber length either way, in [m].
 
     Returns:
         The measures.
@@ -118,62 +118,25 @@ def measures(
             poses do not fit the grid.
     """
     _check(bending, areal_mass, overhang, shear_stiffness)
-    coupling = _coupling(grid, positions, rotations)
+    coupling = _coupling(grid, positions, rotations, take_up)
     batch = np.shape(positions)[:-2]
     p = np.reshape(positions, (*batch, grid.rows, grid.columns, 3))
     frames = np.reshape(rotations, (*batch, grid.rows, grid.columns, 3, 3))
     s, t = _family(grid, p, frames, 0), _family(grid, p, frames, 1)
-    pressure = areal_mass * abs(np.moveaxis(frames, -1, 0)[2] @ np.asarray(gravity))
-    s_load = (pressure[..., :-1] + pressure[..., 1:]) / 2
-    t_load = (pressure[..., :-1, :] + pressure[..., 1:, :]) / 2
-    s_sag = clamped_sag(s_load, grid.s_length, bending)
-    t_sag = clamped_sag(t_load, grid.t_length, bending)
-    strips = _around(s_sag, t_sag)
-    turn = _around(s.turn, t.turn)
-    inside = _around(s.shear, t.shear)
+    weight = areal_mass * np.asarray(gravity, dtype=float)
+    sags = gravity_sags(grid, rotations, weight, bending)
+    turn = around(s.turn, t.turn)
+    inside = around(s.shear, t.shear)
     shear = np.maximum(inside, _patch_shear(s.chord, t.chord))
     length = max(grid.s_length, grid.t_length)
+    pressure = abs(frames[..., 2] @ weight)
     droop = cantilever_droop(overhang, overhang, pressure, bending)
     return Measures(
         *(s.surplus, t.surplus, s.turn, t.turn, s.shear, t.shear, shear),
-        *(s_sag, t_sag, PATCH_SAG * strips, droop, CORNER * droop),
+        *(*sags, droop, CORNER * droop),
         shear_effect(shear, turn, length, bending, shear_stiffness),
         coupling,
     )
-
-
-def clamped_sag(load: ArrayLike, length: ArrayLike, bending: float) -> Array:
-    """Sag in the middle of a strip clamped at both ends: q L^4 / (384 D).
-
-    Args:
-        load: Force an area along the normal, shape (...), in [N/m^2].
-        length: Free length, shape (...), in [m].
-        bending: Bending stiffness, in [N m].
-
-    Returns:
-        Sags, shape (...), in [m].
-    """
-    return np.asarray(load) * np.asarray(length) ** 4 / (CLAMPED_SPAN * bending)
-
-
-def cantilever_droop(
-    y: ArrayLike, overhang: ArrayLike, load: ArrayLike, bending: float
-) -> Array:
-    """Droop of ply beyond an outer cup, which it leaves along the cup's tangent.
-
-    Args:
-        y: Distances beyond the cup's edge, shape (...), in [m]; from 0 to the overhang.
-        overhang: Ply beyond the edge, shape (...), in [m].
-        load: Force an area along the normal, shape (...), in [N/m^2].
-        bending: Bending stiffness, in [N m].
-
-    Returns:
-        q y^2 (y^2 - 4 l y + 6 l^2) / (24 D), shape (...), in [m], along the load; at
-        the end q l^4 / (8 D).
-    """
-    y, end = np.asarray(y, dtype=float), np.asarray(overhang, dtype=float)
-    shape = y**2 * (y**2 - 4 * end * y + 6 * end**2)
-    return np.asarray(load) * shape / (24 * bending)
 
 
 def shear_effect(
@@ -282,18 +245,20 @@ def _patch_shear(s_chord: Array, t_chord: Array) -> Array:
     return abs(np.arcsin(np.clip(dot(s, t), -1.0, 1.0)))
 
 
-def _coupling(grid: CupGrid, positions: Array, rotations: Array) -> Array:
+def _coupling(
+    grid: CupGrid, positions: Array, rotations: Array, take_up: float
+) -> Array:
     """Change of bow that gives a patch's middle fibers their length, shape of patches.
 
     Of both directions the larger one.
     """
-    fibers = ply_fibers(grid, positions, rotations, model="quartic")
     batch = np.shape(positions)[:-2]
     u = np.linspace(0.0, 1.0, MIDDLE + 1)
     shape = (grid.rows - 1, grid.columns - 1)
     worst = np.zeros((*batch, *shape))
     if not worst.size:
         return worst
+    fibers = ply_fibers(grid, positions, rotations, take_up=take_up or None)
     middle, lines = (
         [
             grid.pitch * np.arange(count - 1)[:, None] + grid.half_width + grid.span * v
@@ -308,23 +273,16 @@ def _coupling(grid: CupGrid, positions: Array, rotations: Array) -> Array:
         split = (*batch, shape[0], counts[1], shape[1], counts[0], 3)
         curve = np.swapaxes(points.reshape(split), -4, -3)  # patches, then their points
         curve = curve.reshape(*batch, *shape, len(u), 3)
-        worst = np.maximum(worst, _missing_bow(curve, length))
+        worst = np.maximum(worst, _missing_bow(curve, length, take_up))
     return worst
 
 
-def _missing_bow(curve: Array, length: float) -> Array:
+def _missing_bow(curve: Array, length: float, take_up: float) -> Array:
     """Bow of a fiber of given length less that of a curve with the same ends."""
     chord = np.linalg.norm(curve[..., -1, :] - curve[..., 0, :], axis=-1)
     arc = np.linalg.norm(np.diff(curve, axis=-2), axis=-1).sum(axis=-1)
-    return abs(
-        bubble_height(length - chord, length) - bubble_height(arc - chord, length)
-    )
-
-
-def _around(s: Array, t: Array) -> Array:
-    """Largest values of the four spans around each patch."""
-    along_s = np.maximum(s[..., :-1, :], s[..., 1:, :])
-    return np.maximum(along_s, np.maximum(t[..., :, :-1], t[..., :, 1:]))
+    own = np.clip(arc, length - take_up, length + take_up)
+    return abs(bubble_height(own - chord, length) - bubble_height(arc - chord, length))
 
 
 def _unit(vectors: Array) -> Array:

@@ -223,6 +223,10 @@ def _family(
 ) -> _Family:
     r0, r1, dr0, dr1, n0, n1 = ends
     natural = natural_length(r0, r1, dr0, dr1)
+    if not natural.size:  # a lone row or column
+        none = np.zeros(natural.shape, dtype=np.int64)
+        a = np.zeros((*natural.shape, 5 if modal is None else modal.modes + 4, 3))
+        return _Family(a, none, none, natural, natural, none, natural)
     used, band = band_length(natural, L, take_up or 0.0)
     side: Statuses = np.zeros(natural.shape, dtype=np.int64)
     if modal is not None:

@@ -287,7 +287,7 @@ def test_shape_of_cups(drapeplan, tmp_path):
     auto = ["--model", "auto", "--alternatives", 2]
     ended = drapeplan("shape", path, "-o", output, *auto)
     assert ended.code == 1
-    assert "coupled: patch (0, 0): slack lets a strip bulge" in ended.out
+    assert "coupled: strip (0, 0): slack lets a strip bulge" in ended.out
     assert "gravity sag" in ended.out
     assert output.with_name("shape.alt1.csv").exists()
     ended = drapeplan("shape", path, "-o", output, "--model", "cubic", "--json")

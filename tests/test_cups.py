@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.cups import read_cups, shape_report, shape_table, write_csv
 from drapeplan.errors import InputError
+from drapeplan.shape_models import hold
 from ply.shape import evaluate, ply_fibers
 
 PRINTED = 5.1e-7  # [mm] half a unit of the last printed decimal
@@ -278,7 +279,7 @@ def test_report_with_take_up_judges_the_band(write):
     report = shape_report(read_cups(path))
     assert report["length"] == {"in_band": 10, "too_short": 2, "slack": 2}
     assert (
-        "0.5 mm of slack, more than its take-up: bows up to 3.8 mm"
+        "0.5 mm of slack, more than its take-up: bows up to 2.4 mm"
         in failing(report)[0]
     )
     wide = write(put("take_up_mm", 0.6), put("cups", 1, "position_mm", [109.5, 0, 0]))
@@ -331,3 +332,66 @@ def test_modal_report_names_the_middle_fiber_of_a_strip(write):
     laterals = [one["fiber"].rsplit("lateral ")[1] for one in report["failing"]]
     assert laterals[:3] == ["-20 mm", "+0 mm", "+20 mm"]
     assert {one["status"] for one in report["failing"][:3]} == {"overstretched"}
+
+
+def test_the_block_of_the_ply(write):
+    """Gravity needs mass and stiffness; up may have any length."""
+    block = {"areal_mass_kg_m2": 0.5, "bending_stiffness_Nm": 1e-3, "overhang_mm": 30}
+    cups = read_cups(write(put("ply", block | {"up": [0, 2.0, 0]})))
+    assert_allclose(cups.weight(), [0, -0.5 * 9.81, 0], rtol=1e-12)
+    assert cups.overhang == pytest.approx(0.03)
+    for missing in ("areal_mass_kg_m2", "bending_stiffness_Nm"):
+        part = {key: value for key, value in block.items() if key != missing}
+        assert read_cups(write(put("ply", part))).weight() == (0, 0, 0)
+    assert read_cups(write()).weight() == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("block", "key"),
+    [
+        ({"areal_mass_kg_m2": 310}, "ply.areal_mass_kg_m2"),
+        ({"areal_mass_kg_m2": -1}, "ply.areal_mass_kg_m2"),
+        ({"bending_stiffness_Nm": 0}, "ply.bending_stiffness_Nm"),
+        ({"overhang_mm": 95}, "ply.overhang_mm"),
+        ({"up": [0, 0, 0]}, "ply.up"),
+        ({"mass": 1}, "ply.mass"),
+    ],
+)
+def test_a_wrong_block_of_the_ply_is_named(write, block, key):
+    with pytest.raises(InputError) as caught:
+        read_cups(write(put("ply", block)))
+    assert caught.value.key == key
+
+
+def test_a_heavy_ply_sags_in_every_ladder_model(write):
+    """What is said of gravity is what the shape has; the paper's models have none."""
+    block = {"areal_mass_kg_m2": 0.5, "bending_stiffness_Nm": 1e-3, "overhang_mm": 30}
+    heavy, plain = read_cups(write(put("ply", block))), read_cups(write())
+    for model in ("auto", "modal", "coupled", "quartic"):
+        table = shape_table(heavy, model)
+        inside = (table[:, :2].min(axis=1) >= -20) & (table[:, 0] <= 240)
+        inside &= table[:, 1] <= 130
+        fall = shape_table(plain, model)[:, 4] - table[inside, 4]
+        tip = table[~inside, 4].min()
+        said = {e["effect"]: e for e in shape_report(heavy, model)["effects"]}
+        modeled = said["gravity between the cups"]["modeled_cells"] > 0
+        assert modeled == (model != "quartic")
+        assert (tip < -1.0) == modeled
+        if model != "modal":  # taut fibers do not stretch, so they hardly sag
+            assert (fall.max() > 0.2) == modeled
+
+
+def test_points_beyond_the_overhang_are_off_the_ply(write, tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("s_mm,t_mm\n-45,0\n")
+    assert len(shape_table(read_cups(write()), "modal", path)) == 1
+    with pytest.raises(InputError, match="off the ply"):
+        shape_table(read_cups(write(put("ply", {"overhang_mm": 20}))), "modal", path)
+
+
+def test_verdicts_speak_of_the_shape_that_is_shown(write):
+    """Least energy comes first, and the report has its sides."""
+    cups = read_cups(write(put("cups", 1, "position_mm", [109.5, 0, 0])))
+    held = hold(cups, "coupled")[0]
+    middle = held.points(0.055, 0.0) - held.points([0.0], 0.0)[0]
+    assert np.sign(middle[2]) == held.fibers.sides.s[0, 0] != 0

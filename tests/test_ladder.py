@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from ply.coupled import CoupledModel
 from ply.coupled_array import coupled_points
 from ply.errors import PlyError
 from ply.grid import CupGrid
@@ -75,10 +76,17 @@ def test_alternatives_rise_in_energy_and_differ():
     assert len(np.unique(middle.round(4))) > 1
 
 
-def test_a_take_up_ends_the_ladder_at_modal():
-    found = climb(GRID, *slack(), take_up=1e-5)
-    assert (found.rung == Rung.MODAL).all()
-    assert (found.reason == Reason.TAKE_UP).all()
+@pytest.mark.parametrize("lowest", [Rung.CUBIC, Rung.COUPLED])
+def test_every_rung_takes_up_slack(lowest):
+    """0.1 mm of slack bows by 1.7 mm, and not at all where the weave takes it up."""
+    bows = []
+    for take_up in (0.0, 2e-4):
+        model = CoupledModel(GRID, take_up=take_up)
+        found = climb(GRID, *slack(), model=model, lowest=lowest)
+        bows.append(abs(found.points(*np.meshgrid(*lines(GRID)))[..., 2]).max())
+    assert bows[0] > 1e-3
+    assert bows[1] < 1e-5
+    assert (found.rung == lowest).all()
 
 
 def test_a_cup_that_faces_away_is_no_patch_to_solve():

@@ -9,15 +9,9 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from ply.errors import PlyError
+from ply.gravity import PATCH_SAG, cantilever_droop, clamped_sag
 from ply.grid import CupGrid
-from ply.measures import (
-    PATCH_SAG,
-    cantilever_droop,
-    clamped_sag,
-    estimates,
-    measures,
-    shear_effect,
-)
+from ply.measures import estimates, measures, shear_effect
 from tests.scans import truth_cups
 
 MASS, SOFT = 0.31, 5e-4  # [kg/m^2], [N m] as in the figures of the derivation
