@@ -183,3 +183,19 @@ def test_a_missing_back_end_names_the_extra(monkeypatch):
     ):
         QpSolver("piqp")
     assert QpSolver("osqp").backend == "osqp"
+
+
+def test_a_new_cost_reaches_the_object_that_is_alive():
+    """The constraints hold at the old answer too: no residual of theirs would tell."""
+    solver, made = QpSolver(), program(5)[0]
+    solver.solve(made)
+    turned = replace(made, c=-made.c, H=2.0 * made.H)
+    found = solver.solve(turned)
+    assert found.dual < 1e-4
+    assert_allclose(found.x, QpSolver().solve(turned).x, atol=1e-5)
+
+
+def test_a_solver_is_not_believed_where_its_point_is_off(monkeypatch):
+    monkeypatch.setattr(qp, "TRUSTED", 0.0)
+    found = QpSolver("osqp", 1e-3).solve(program(4)[0])
+    assert (found.found, found.violation) == (False, np.inf)
