@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 import yaml
 
-from drapeplan.arm_check import SINGULAR, judge_arm, least_singular_value, payload
+from drapeplan.arm_check import (
+    SINGULAR,
+    _limits,
+    judge_arm,
+    least_singular_value,
+    payload,
+)
 from drapeplan.arm_words import arm_failures, arm_lines
 from drapeplan.chain import read_chain
 from drapeplan.planner import make_plan
@@ -138,6 +144,8 @@ def test_a_joint_past_its_limit_is_named(drape):
     arm[50, 2] = np.pi + 0.01
     found = judge_arm(cell, dataclasses.replace(track, arm=arm))
     assert found["good"] is False
+    assert not _limits(dataclasses.replace(track, arm=arm))["within"]
+    assert _limits(track)["within"]
     words = " ".join(arm_failures(found, labels(track)))
     assert "elbow_joint of the arm passes its limit by 0.57 deg at waypoint 50" in words
 
