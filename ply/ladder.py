@@ -240,7 +240,7 @@ def _judged(
     if options.estimates and cause.size:
         model = options.model
         found = measured(grid, poses[0], model)
-        heavy = np.where(load.heavy, load.sag, 0.0)
+        heavy = np.where(load.heavy, load.more, 0.0)
         ratio = model.shear / model.bending
         each = causes(grid, top, turned, found, heavy, ratio)
         parts = np.stack(np.broadcast_arrays(*each), axis=-1)

@@ -108,18 +108,16 @@ def gravity_effects(
     """
     if not any(model.weight):
         return []
-    most = float(sag.max(initial=0.0))
-    between = Effect(
-        "gravity between the cups", most, tolerance, int(heavy.sum()), heavy.size
-    )
-    if overhang == 0:
-        return [between]
-    poses = rotations, model.weight, model.bending, overhang
-    tip = float(largest_droop(grid, *poses))
-    return [
-        between,
-        Effect("gravity on the overhang", tip, tolerance, tip > tolerance, 1),
-    ]
+    out = []
+    if sag.size:
+        numbers = float(sag.max()), tolerance, int(heavy.sum()), heavy.size
+        out.append(Effect("gravity between the cups", *numbers))
+    if overhang > 0:
+        poses = rotations, model.weight, model.bending, overhang
+        tip = float(largest_droop(grid, *poses))
+        modeled = int(tip > tolerance)
+        out.append(Effect("gravity on the overhang", tip, tolerance, modeled, 1))
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,12 +29,14 @@ class Load:
         model: Energy of coupled patches; gives weight, stiffness and take-up.
         sag: How far gravity may move each cell, shape (..., cells t, cells s), in [m].
         heavy: Cells whose gravity is modeled, of the same shape.
+        more: How far patches sag more than their strips, of the same shape, in [m].
     """
 
     grid: CupGrid
     model: CoupledModel
     sag: Array
     heavy: NDArray[np.bool_]
+    more: Array
 
     @property
     def take_up(self) -> float | None:
@@ -81,7 +83,8 @@ def loaded(
         The fibers, the same asked to bulge to the other side, and the load.
     """
     shape = (*poses[0].shape[:-2], *cells(grid))
-    none = Load(grid, model, np.zeros(shape), np.zeros(shape, dtype=bool))
+    zero = np.zeros(shape)
+    none = Load(grid, model, zero, zero > 0, zero)
     if none.pull is None:
         own = _modal(grid, poses, none, sides, False)
         return own, _modal(grid, poses, none, other_sides(own), False), none
@@ -90,12 +93,13 @@ def loaded(
     if not none.sag.size:
         return own, other, none
     sags = gravity_sags(grid, poses[1], model.weight, model.bending)
-    lone = sags.s if grid.rows == 1 else sags.t
-    sag = lone if min(grid.rows, grid.columns) == 1 else sags.patch
+    sag, more = sags.patch, sags.patch
+    if min(grid.rows, grid.columns) == 1:
+        sag, more = sags.s if grid.rows == 1 else sags.t, zero
     found = measured(grid, poses, model)
     ratio = model.shear / model.bending
-    sag = sag + tipping(grid, causes(grid, own, other, found, stiffness=ratio))
-    load = Load(grid, model, sag, sag > tolerance)
+    moved = sag + tipping(grid, causes(grid, own, other, found, stiffness=ratio))
+    load = Load(grid, model, moved, moved > tolerance, more)
     strips = load.heavy_strips
     if strips.all():
         return own, other, load
