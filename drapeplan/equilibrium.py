@@ -13,7 +13,8 @@ import numpy as np
 from drapeplan.kkt import Layout, Layouts, Mask
 from drapeplan.legs import STROKE, Array
 from drapeplan.robot import Robot
-from drapeplan.settle import Pose, Rest, Settler, Sides, least_curvature, reduced
+from drapeplan.settle import Pose, Rest, Settler, Sides, reduced
+from drapeplan.stability import least_curvature
 from drapeplan.tool_energy import PASSIVE, Indices, ToolEnergy, ToolPhysics
 
 __all__ = [
@@ -229,8 +230,7 @@ class Equilibrium:
         """Least curvature along the rows, [N m/rad]."""
         if not rest.found or not free.any():
             return None
-        H, J = self._layouts(free, rest.pose.sides != 0).dense(rest.terms)
-        return least_curvature(H, J)
+        return least_curvature(self._layouts(free, rest.pose.sides != 0), rest.terms)
 
     def _in_parts(
         self, q: Array, warm: Settled, free: Mask, stability: bool

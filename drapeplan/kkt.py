@@ -85,6 +85,48 @@ class Layout:
         self.band = int(np.abs(self.r - self.c).max(initial=0))
         self._height = 3 * self.band + 1
         self._flat = self.c * self._height + 2 * self.band + self.r - self.c
+        self._lay_coordinates(energy, row_pairs[rows])
+
+    def _lay_coordinates(self, energy: ToolEnergy, ends: Indices) -> None:
+        """Places of the coordinates alone, for the band without rows."""
+        rank = np.zeros(self.x.shape, dtype=np.int64)
+        used = self.x[self.cups].ravel()
+        order = np.empty(used.size, dtype=np.int64)
+        order[np.argsort(used)] = np.arange(used.size)
+        rank[self.cups] = order.reshape(-1, 5)
+        i, j = energy.pairs[self.pairs].T
+        lower = np.tril_indices(5)
+        own = rank[self.cups][:, lower[0]], rank[self.cups][:, lower[1]]
+        mixed = np.broadcast_arrays(rank[i, :, None], rank[j, None])
+        r, c = (np.concatenate([own[k].ravel(), mixed[k].ravel()]) for k in (0, 1))
+        r, c = np.maximum(r, c), np.minimum(r, c)
+        self._held_shape = used.size, int((r - c).max(initial=0)) + 1
+        self._held = c * self._held_shape[1] + r - c
+        self._lower = PASSIVE[lower[0]], PASSIVE[lower[1]]
+        self._row_ends, self._row_pair = ends, energy.row_pair[self.rows]
+
+    def held(self, terms: ToolTerms, stiffness: float) -> Array:
+        """H with the rows in force held by springs, as LAPACK's lower band.
+
+        Args:
+            terms: Energy of the tool.
+            stiffness: Of the springs, [N/m].
+
+        Returns:
+            H + stiffness J^T J, shape (bands, k), in Fortran's order.
+        """
+        own, mixed, rows = terms.own.copy(), terms.mixed.copy(), terms.rows[self.rows]
+        first, second = rows[:, 0], rows[:, 1]
+        for k, side in enumerate((first, second)):
+            square = stiffness * side[:, :, None] * side[:, None]
+            np.add.at(own, self._row_ends[:, k], square)
+        product = stiffness * first[:, :, None] * second[:, None]
+        np.add.at(mixed, self._row_pair, product)
+        lower = own[self.cups][:, self._lower[0], self._lower[1]].ravel()
+        between = mixed[self.pairs][:, PASSIVE[:, None], PASSIVE].ravel()
+        band = np.zeros(self._held_shape)
+        band.ravel()[self._held] = np.concatenate([lower, between])
+        return band.T
 
     def entries(self, terms: ToolTerms) -> Array:
         """Values of the entries, in the order of `r` and `c`."""

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from drapeplan.kkt import Layouts, Mask, SingularError
 from drapeplan.legs import Array
@@ -29,7 +28,6 @@ STIFF = 10.0  # [N] brings lengths to moments, so that both errors can be added
 CAREFUL_STEP = 0.1  # [rad]
 PASSES = 6  # solutions of one linearization with different working sets
 ONE_BY_ONE = 3  # passes after which one row changes at a time, against cycles
-HOLD = 1e7  # [N/m] springs that hold rows: 1e-8 of the curvature is lost by them
 STRONGEST = 1e5  # [N] forces beyond it belong to no pose of rest
 FLOOR = (
     1e-4  # [N m/rad] least curvature of a careful step: a tenth of the softest cup's
@@ -213,26 +211,6 @@ class Settler:
         forces = forces.copy()
         forces[layout.rows] -= pinned.T @ (gradient.ravel() + H @ x)
         return x.reshape(-1, 5), forces
-
-
-def least_curvature(H: Array, J: Array) -> float | None:
-    """Least curvature of the energy along motions that keep the rows.
-
-    Rows are held by springs so stiff that they act as rigid; one eigenvalue of that
-    matrix takes a third of the time of a null space, and differs by 1e-8 of itself.
-
-    Args:
-        H: Second derivatives, shape (k, k), in [N m/rad].
-        J: Rows, shape (r, k), in [m/rad].
-
-    Returns:
-        The curvature, [N m/rad]; None if the rows leave no motion.
-    """
-    if len(J) >= len(H):
-        return None
-    held = H + HOLD * (J.T @ J)
-    values = eigh(held, eigvals_only=True, subset_by_index=[0, 0], check_finite=False)
-    return float(values[0])
 
 
 def reduced(H: Array, J: Array) -> tuple[Array, Array, Array]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from drapeplan.legs import Array, LegGeometry, cross, cup_poses, leg_twists
 from drapeplan.robot import Robot
 from drapeplan.tool_weight import ToolWeight
-from drapeplan.twists import chain_curvature, point_velocity, skew
+from drapeplan.twists import point_velocity, skew
 from urdf.sidecar import neighbor_pairs
 
 Indices = NDArray[np.int64]
@@ -103,6 +103,7 @@ class ToolEnergy:
     Attributes:
         pairs: Indices of neighboring cups, shape (m, 2), in the order of Chords.
         row_pairs: Cups of each row, shape (r, 2): interlinks, then rim chords.
+        row_pair: Index of each row's pair, shape (r,).
         n_links: Number of interlinks.
         shortest: Least distance of each row, shape (r,), in [m].
         longest: Largest distance of each row, shape (r,), in [m].
@@ -134,7 +135,7 @@ class ToolEnergy:
             stiffness = 2 * links.bending_stiffness * 2 * width / links.length**3
             points = self._row_points[: self.n_links]
             self._bands.append(
-                _Bands(self._row_pair[: len(points)], points, stiffness, 0.0)
+                _Bands(self.row_pair[: len(points)], points, stiffness, 0.0)
             )
         tool = robot.tool
         springs = [tool.universal_stiffness] * 2 + [0.0] + [tool.ball_stiffness] * 2
@@ -163,13 +164,11 @@ class ToolEnergy:
         near = np.array([[[1, 3], [0, 2]], [[2, 3], [0, 1]]])[along_t]  # pair, end, rim
         rims = pairs[:, :, None] * count + near
         self._across = 1 - along_t  # index of the direction across the strip
-        self._row_pair = np.concatenate(
-            [link_pair, np.repeat(np.arange(len(pairs)), 2)]
-        )
+        self.row_pair = np.concatenate([link_pair, np.repeat(np.arange(len(pairs)), 2)])
         self._row_points = np.concatenate(
             [joined * count + count - 1, rims.swapaxes(1, 2).reshape(-1, 2)]
         )
-        self.row_pairs = pairs[self._row_pair]
+        self.row_pairs = pairs[self.row_pair]
         fibers = (
             np.zeros(2 * len(pairs)),
             np.full(2 * len(pairs), physics.longest_fiber),
@@ -200,9 +199,8 @@ class ToolEnergy:
         on_cup = self._second @ wrench - self._first @ wrench
         flat, turned = mixed.reshape(-1, 36), mixed.swapaxes(1, 2).reshape(-1, 36)
         curved = (self._second @ flat + self._first @ turned).reshape(-1, 6, 6)
-        gradient = (T @ on_cup[..., None])[..., 0]
-        own = chain_curvature(T, curved)
-        energy += self._weight.add((p, R), T, legs, [gradient, own])
+        fall, gradient, own = self._weight.add((p, R), T, legs, on_cup, curved)
+        energy += fall
         energy += float(np.sum(self._springs * legs * legs)) / 2
         gradient += self._springs * legs
         own[:, range(6), range(6)] += self._springs
@@ -223,12 +221,13 @@ class ToolEnergy:
         unit = np.concatenate([e, cross(x, e)], axis=1)
         taut = np.flatnonzero(forces)
         if taut.size:
-            pair, w = self._row_pair[taut], unit[taut]
-            np.add.at(wrench, pair, forces[taut, None] * w)
+            pair, w = self.row_pair[taut], unit[taut]
+            once = int(np.searchsorted(taut, self.n_links))  # links: one a pair
+            _gather(wrench, pair, forces[taut, None] * w, once)
             product = point_velocity(x[taut]).swapaxes(1, 2) @ point_velocity(y[taut])
             share = forces[taut] / length[taut]
             C = share[:, None, None] * (w[:, :, None] * w[:, None, :] - product)
-            np.add.at(mixed, pair, C)
+            _gather(mixed, pair, C, once)
         return length, unit
 
     def _band(
@@ -257,6 +256,24 @@ class ToolEnergy:
         C[:, :3, 3:] += V
         C[:, 3:, :3] += U
         C[:, 3:, 3:] += skew(x) @ V - U @ skew(y)
-        np.add.at(wrench, band.pair, added)
-        np.add.at(mixed, band.pair, C)
+        if len(band.pair) == 2 * len(wrench):  # the rims of a strip follow one another
+            wrench += added.reshape(-1, 2, 6).sum(axis=1)
+            mixed += C.reshape(-1, 2, 6, 6).sum(axis=1)
+        else:
+            _gather(wrench, band.pair, added, len(C))
+            _gather(mixed, band.pair, C, len(C))
         return float(np.sum(f * first) + np.sum(g * second)) / 2
+
+
+def _gather(total: Array, pair: Indices, part: Array, once: int) -> None:
+    """Add parts to their pairs, quickly where no pair comes twice.
+
+    Args:
+        total: By pair, shape (m, ...); added to.
+        pair: Of each part, shape (k,); no pair comes twice among the first `once`.
+        part: Shape (k, ...).
+        once: How many there are of these.
+    """
+    total[pair[:once]] += part[:once]
+    if once < len(pair):
+        np.add.at(total, pair[once:], part[once:])

@@ -36,37 +36,45 @@ class ToolWeight:
         self._bodies = [
             (k, mass[:, k].copy(), center[:, k].copy())
             for k in range(6)
-            if mass[:, k].any()
+            if k == 5 or mass[:, k].any()
         ]
 
     def add(
-        self, poses: tuple[Array, Array], twists: Array, legs: Array, terms: list[Array]
-    ) -> float:
-        """Potential energy of all bodies; adds its derivatives to the legs' terms.
+        self,
+        poses: tuple[Array, Array],
+        twists: Array,
+        legs: Array,
+        on_cup: Array,
+        curved: Array,
+    ) -> tuple[float, Array, Array]:
+        """Weight of all bodies, and what else pulls on the cups, by coordinates.
 
         Args:
             poses: Cup positions, shape (n, 3), in [m], and rotations, shape (n, 3, 3).
             twists: Of the legs' coordinates, shape (n, 6, 6).
             legs: The coordinates, shape (n, 6).
-            terms: Gradient, shape (n, 6), and Hessian within each leg, shape
-                (n, 6, 6); both are added to.
+            on_cup: Wrench on each cup besides its weight, shape (n, 6).
+            curved: C of docs/derivations.md, D20, of the same, shape (n, 6, 6).
 
         Returns:
-            Energy above the world's origin, [J].
+            Energy of the weight above the world's origin, [J]; gradient of all, shape
+            (n, 6); second derivatives within each leg, shape (n, 6, 6).
         """
-        gradient, own = terms
-        energy = 0.0
+        energy, n = 0.0, len(legs)
+        gradient, own = np.zeros((n, 6)), np.zeros((n, 6, 6))
         for level, mass, x in self._centers(poses, twists, legs):
             k = level + 1
             force = mass[:, None] * self._gravity
             energy += float(np.sum(force * x))
             wrench = np.concatenate([force, cross(x, force)], axis=1)
-            gradient[:, :k] += (twists[:, :k] @ wrench[..., None])[..., 0]
             F = skew(force)
-            mixed = np.zeros((len(x), 6, 6))
+            mixed = np.zeros((n, 6, 6))
             mixed[:, 3:, :3], mixed[:, 3:, 3:] = F, -F @ skew(x)
+            if level == 5:
+                wrench, mixed = wrench + on_cup, mixed + curved
+            gradient[:, :k] += (twists[:, :k] @ wrench[..., None])[..., 0]
             own[:, :k, :k] += chain_curvature(twists[:, :k], mixed)
-        return energy
+        return energy, gradient, own
 
     def _centers(
         self, poses: tuple[Array, Array], twists: Array, legs: Array

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drapeplan.closures import Chords, Closures
 from drapeplan.equilibrium import Equilibrium, SettledStatus
 from drapeplan.frames import rotation_vectors
-from drapeplan.settle import least_curvature, reduced
 from tests.cartesian import CartesianTool
 from tests.tool_samples import PLY, rich_tool, shaped, small_tool
 
@@ -256,16 +255,6 @@ def test_a_saddle_that_cannot_be_left_is_reported(fixed, monkeypatch):
     assert settled.status == SettledStatus.SADDLE
     assert settled.least_eigenvalue < 0
     assert settled.residual < REST
-
-
-def test_least_curvature_is_that_of_the_null_space():
-    rng = np.random.default_rng(8)
-    J = rng.normal(size=(4, 10))
-    for shift in (3.0, -3.0):
-        H = rng.normal(size=(10, 10))
-        H = H + H.T + shift * np.eye(10)
-        assert least_curvature(H, J) == pytest.approx(reduced(H, J)[0][0], abs=1e-4)
-    assert least_curvature(H[:4, :4], J[:, :4]) is None
 
 
 def test_links_with_a_range_pull_only_at_its_ends(fixed):
