@@ -7,6 +7,7 @@ import numpy as np
 from benchmarks import coupled
 from benchmarks._timing import median_time
 from benchmarks._truth import run_truth
+from ply.coupled import CoupledModel
 from ply.fiber import quartic_fibers
 from ply.grid import CupGrid
 from ply.shape import PlySampling, ply_fibers
@@ -14,7 +15,6 @@ from ply.shape import PlySampling, ply_fibers
 GRID = CupGrid(rows=8, columns=6, pitch=0.11, half_width=0.02)
 STEP, OVERHANG, TAKE_UP = 0.01, 0.02, 0.8e-3  # [m] as in the default scene
 BATCHES = (1, 64)
-TIMES = ("cold_alone", "cold_batched", "warm_alone", "warm_batched")
 FIBERS = 10_000
 
 
@@ -24,16 +24,33 @@ def run(quick: bool) -> dict:
 
 
 def coupled_patches(quick: bool) -> dict:
-    """Milliseconds a coupled patch of the default order, and what finite elements take.
+    """Milliseconds a coupled patch alone and in a batch, and what finite elements take.
 
     The benchmark `coupled` has more of it.
     """
-    found = coupled.run(quick)
-    own = {key: found[f"order_5_{key}_ms"] for key in TIMES}
-    ratios = {key: value for key, value in found.items() if key.startswith("finite")}
-    return {f"coupled_{key}_ms_per_patch": own[key] for key in TIMES} | {
-        f"{key}_coupled_patch": value for key, value in ratios.items()
+    names, seconds = coupled.cells()
+    held = np.stack([np.load(coupled.DATA / f"{n}.npz")["poses"] for n in names])
+    p, frames = held[..., :3, 3] / 1e3, held[..., :3, :3]
+    shift = np.random.default_rng(0).normal(size=(len(p), 4, 1))
+    moved = p + coupled.STEP * shift * frames[..., 2]
+    model = CoupledModel(coupled.GRID)
+    before = model.solve(p, frames)
+    tasks: dict[str, Callable[[slice], object]] = {
+        "cold": lambda k: model.solve(p[k], frames[k]),
+        "warm": lambda k: model.solve(moved[k], frames[k], start=before[k]),
     }
+    repeats, result = 2 if quick else 9, {}
+    for name, task in tasks.items():
+        alone = [
+            median_time(lambda k=k, task=task: task(slice(k, k + 1)), repeats)
+            for k in range(len(p))
+        ]
+        whole = median_time(lambda task=task: task(slice(None)), repeats)
+        result[f"coupled_{name}_ms_per_patch"] = 1e3 * float(np.mean(alone))
+        result[f"coupled_{name}_batched_ms_per_patch"] = 1e3 * whole / len(p)
+        ratio = float(np.mean(seconds) / np.mean(alone))
+        result[f"finite_elements_over_coupled_{name}_patch"] = ratio
+    return result
 
 
 def whole_ply(quick: bool) -> dict:
