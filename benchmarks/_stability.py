@@ -33,12 +33,13 @@ def stability_maps(robot, ply: ToolPhysics, samples: int, jumps=JUMPS, radii=RAD
     ):
         tool = Equilibrium(robot, physics)
         rng = np.random.default_rng(0)
-        cells = []
+        cells, starts = [], {}
         for radius in radii:
             start = settle_mold(tool, radius)
+            starts[f"{radius:g} m"] = start.status.name.lower()
             for jump in jumps if start.status == SettledStatus.SETTLED else ():
                 cells.append(count(tool, start, radius, jump, field, samples, rng))
-        maps[name] = cells
+        maps[name] = {"starts": starts, "cells": cells}
     return maps
 
 
@@ -124,9 +125,9 @@ def write_maps(maps, name):
     figure, axes = plt.subplots(
         len(maps), 2, figsize=(9, 2.6 * len(maps)), layout="constrained", squeeze=False
     )
-    for row, (kind, cells) in zip(axes, maps.items(), strict=True):
+    for row, (kind, found) in zip(axes, maps.items(), strict=True):
         for axis, (way, title) in zip(row, ways.items(), strict=True):
-            draw(axis, cells, way)
+            draw(axis, found["cells"], way)
             axis.set_title(f"{kind}, {title}", fontsize=9)
     figure.suptitle(
         "Share of stroke jumps that settle; s saddle, f failed", fontsize=10

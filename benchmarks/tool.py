@@ -148,7 +148,9 @@ def _wave() -> dict:
 
 def _summary(maps: dict) -> dict:
     result = {}
-    for kind, cells in maps.items():
+    for kind, found in maps.items():
+        cells = found["cells"]
+        result[f"{kind}_starts"] = str(found["starts"])
         for way in ("at_once", "in_parts"):
             counts = [cell[way] for cell in cells]
             text = ", ".join(f"{sum(c[s] for c in counts)} {s}" for s in counts[0])

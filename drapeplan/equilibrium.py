@@ -26,6 +26,7 @@ __all__ = [
 ]
 
 SHARES = 64  # a move is split into no smaller parts
+MOST = 400  # iterations after which a move in parts is given up
 NUDGE = 0.02  # [rad] largest turn that pushes the tool off a saddle
 
 
@@ -131,8 +132,10 @@ class Equilibrium:
         least = self._least(rest, free) if stability else None
         count = rest.iterations
         if not _good(rest, least) and warm is not None:
-            rest, least, more = self._in_parts(q, warm, free, stability)
+            whole, least_whole, more = self._in_parts(q, warm, free, stability)
             count += more
+            if whole is not None:
+                rest, least = whole, least_whole
         if not _good(rest, least) and (rest.found or (warm is None and not rest.torn)):
             careful, least_careful, more = self._leave(T, rest, start, free, stability)
             count += more
@@ -234,8 +237,12 @@ class Equilibrium:
 
     def _in_parts(
         self, q: Array, warm: Settled, free: Mask, stability: bool
-    ) -> tuple[Rest, float | None, int]:
-        """Go from the warm configuration to q, in parts as large as converge."""
+    ) -> tuple[Rest | None, float | None, int]:
+        """Go from the warm configuration to q, in parts as large as converge.
+
+        Returns:
+            The rest at q, None if it is not reached; its curvature; iterations.
+        """
         columns = self.robot.arm_columns
         start, pose = warm.q, self._pose(warm.q, warm)
         done, part, count = 0.0, 0.5, 0
@@ -250,6 +257,8 @@ class Equilibrium:
             count += rest.iterations
             if _good(rest, least):
                 done, pose, part = done + share, rest.pose, 2 * share
+            elif count > MOST:
+                return None, None, count
             elif share > 1 / SHARES:
                 part = share / 2
                 continue
@@ -258,7 +267,7 @@ class Equilibrium:
                     rest, least, more = self._leave(T, rest, moved, free, stability)
                     count += more
                 if not _good(rest, least):
-                    return rest, least, count
+                    return None, None, count
                 done, pose, part = done + share, rest.pose, share
             if done >= 1.0:
                 return rest, least, count

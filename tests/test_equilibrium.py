@@ -215,6 +215,8 @@ def test_impossible_strokes_fail_and_say_by_how_much(tool, robot, fixed):
     assert settled.status == SettledStatus.FAILED
     assert settled.least_eigenvalue is None
     assert settled.closure > 1e-5 or settled.residual > 1e-3
+    strokes = robot.leg_columns[:, 2]
+    assert_array_equal(settled.q[strokes], q[strokes])
 
 
 def test_all_legs_fixed_leave_nothing_to_settle(tool, robot):
