@@ -312,7 +312,7 @@ class CoupledModel:
             for k in np.split(np.arange(len(q)), range(CHUNK, len(q), CHUNK))
         ]
         q, status, iterations = map(np.concatenate, zip(*parts, strict=True))
-        energy, strain = body.energy(q, cups), body.largest_strain(q, cups)
+        energy, strain = body.energy_and_strain(q, cups)
         return CoupledPatches(region, q, cups, energy, strain, status, iterations)
 
     def _follow(

@@ -61,10 +61,7 @@ class Body:
 
     def energy(self, q: Array, cups: Array) -> Array:
         """Energy of unknowns (b, size, 3), shape (b,), in [J]."""
-        core, strips = self.split(q)
-        return energy(self.core, core, cups) + energy(
-            self.strips, strips, cups[:, None]
-        ).sum(-1)
+        return self.energy_and_strain(q, cups)[0]
 
     def strains(self, q: Array, cups: Array) -> list[Array]:
         """Strains in the core, (b, 3, G), and in the strips, (b, strips, 3, G)."""
@@ -72,16 +69,15 @@ class Body:
         own = strains(*tangents(self.core, core, cups))
         return [own, strains(*tangents(self.strips, strips, cups[:, None]))]
 
-    def largest_strain(self, q: Array, cups: Array) -> Array:
-        """Largest stretch of a fiber beyond the take-up, at a Gauss point, (b,)."""
-        core, strips = (
-            pulls(piece, strain)
-            for piece, strain in zip(
-                (self.core, self.strips), self.strains(q, cups), strict=True
-            )
-        )
-        others = abs(strips[:, :, :2]).max((1, 2, 3), initial=0)
-        return np.maximum(abs(core[:, :2]).max((1, 2)), others)
+    def energy_and_strain(self, q: Array, cups: Array) -> tuple[Array, Array]:
+        """Energy, and largest stretch beyond the take-up at a Gauss point; (b,)."""
+        own, others = self.strains(q, cups)
+        core, strips = self.split(q)
+        total = energy(self.core, core, cups, own)
+        total += energy(self.strips, strips, cups[:, None], others).sum(-1)
+        own, others = pulls(self.core, own), pulls(self.strips, others)
+        most = abs(others[:, :, :2]).max((1, 2, 3), initial=0)
+        return total, np.maximum(abs(own[:, :2]).max((1, 2)), most)
 
 
 class Tangent(NamedTuple):
@@ -94,7 +90,11 @@ class Tangent(NamedTuple):
 
 
 def tangent(
-    body: Body, q: Array, cups: Array, foreseen: list[Array] | None = None
+    body: Body,
+    q: Array,
+    cups: Array,
+    foreseen: list[Array] | None = None,
+    ends: list[tuple[Array, Array]] | None = None,
 ) -> Tangent:
     """Forces and stiffness of bodies, with stresses of the strains given or their own.
 
@@ -103,11 +103,12 @@ def tangent(
         q: Unknowns, shape (b, size, 3), in [m].
         cups: Position, s and t direction of the cups, shape (b, 12, 3).
         foreseen: Strains of core and strips for the stresses in the stiffness.
+        ends: Derivatives of the surface along s and t in core and strips, if known.
     """
     parts = []
     pieces = ((body.core, cups), (body.strips, cups[:, None]))
     for k, ((piece, c), part) in enumerate(zip(pieces, body.split(q), strict=True)):
-        rs, rt = tangents(piece, part, c)
+        rs, rt = tangents(piece, part, c) if ends is None else ends[k]
         strain = strains(rs, rt) if foreseen is None else foreseen[k]
         force = forces(piece, part, c, rs, rt, strain)
         parts.append((stiffness(piece, rs, rt, strain), force))

@@ -34,15 +34,19 @@ def tangents(piece: Piece, q: Array, cups: Array) -> tuple[Array, Array]:
 
 def strains(rs: Array, rt: Array) -> Array:
     """Green strains: stretch along s, along t, shear; shape (..., 3, G)."""
-    stretch_s, stretch_t = (dot(rs, rs) - 1) / 2, (dot(rt, rt) - 1) / 2
-    return np.stack([stretch_s, stretch_t, dot(rs, rt)], axis=-2)
+    out = np.empty((*rs.shape[:-2], 3, rs.shape[-2]))
+    out[..., 0, :], out[..., 1, :] = (dot(rs, rs) - 1) / 2, (dot(rt, rt) - 1) / 2
+    out[..., 2, :] = dot(rs, rt)
+    return out
 
 
 def strain_changes(piece: Piece, rs: Array, rt: Array, dq: Array) -> Array:
     """Changes of the strains with the unknowns, to first order; (..., 3, G)."""
     ds, dt = piece.ds @ dq, piece.dt @ dq
-    shear = dot(rs, dt) + dot(rt, ds)
-    return np.stack([dot(rs, ds), dot(rt, dt), shear], axis=-2)
+    out = np.empty((*rs.shape[:-2], 3, rs.shape[-2]))
+    out[..., 0, :], out[..., 1, :] = dot(rs, ds), dot(rt, dt)
+    out[..., 2, :] = dot(rs, dt) + dot(rt, ds)
+    return out
 
 
 def pulls(piece: Piece, strain: Array, foreseen: Array | None = None) -> Array:
@@ -54,10 +58,17 @@ def pulls(piece: Piece, strain: Array, foreseen: Array | None = None) -> Array:
         foreseen: Strains that say where the take-up is used up, and to which side;
             by default the strains themselves.
     """
+    if not gives(piece):
+        return strain
     if foreseen is None:
         return strain - np.clip(strain, piece.low, piece.high)
     beyond = strain - np.clip(foreseen, piece.low, piece.high)
     return np.where(taken_up(piece, foreseen), 0.0, beyond)
+
+
+def gives(piece: Piece) -> bool:
+    """Whether the weave of a region takes up any length."""
+    return bool(piece.high.any())
 
 
 def taken_up(piece: Piece, strain: Array) -> NDArray[np.bool_]:
@@ -74,6 +85,8 @@ def next_foreseen(piece: Piece, before: Array, now: Array, share: float) -> Arra
         now: Strains that the linear step leads to, shape (..., 3, G).
         share: Share of the new ones in what is foreseen, where there is a take-up.
     """
+    if not gives(piece):
+        return now
     low, high = piece.low, piece.high
     same = ((before >= high) & (now > high)) | ((before <= low) & (now < low))
     edge = np.clip(now, (1 + ROUNDING) * low, (1 + ROUNDING) * high)
@@ -83,9 +96,9 @@ def next_foreseen(piece: Piece, before: Array, now: Array, share: float) -> Arra
     return np.where(low == high, now, mixed)
 
 
-def energy(piece: Piece, q: Array, cups: Array) -> Array:
+def energy(piece: Piece, q: Array, cups: Array, strain: Array) -> Array:
     """Energy of the region, shape (...), in [J]; weight works from q = 0."""
-    e = pulls(piece, strains(*tangents(piece, q, cups)))
+    e = pulls(piece, strain)
     bending = piece.bending @ q / 2 + piece.bending_cups @ cups
     out = dot(q, bending).sum(-1) + dot(cups, piece.cups_bending @ cups).sum(-1) / 2
     work = dot(q, np.broadcast_to(piece.load, q.shape)).sum(-1)
@@ -118,7 +131,9 @@ def stiffness(piece: Piece, rs: Array, rt: Array, strain: Array) -> Array:
     """
     *batch, points, _ = rs.shape
     n = piece.ds.shape[-1]
-    root = np.where(taken_up(piece, strain), 0.0, piece.roots)[..., None]
+    root = piece.roots[..., None]
+    if gives(piece):
+        root = np.where(taken_up(piece, strain)[..., None], 0.0, root)
     rows = np.empty((*batch, 3, points, 3, n))
     for k in range(2):
         first, own = (piece.ds, rs) if k == 0 else (piece.dt, rt)

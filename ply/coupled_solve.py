@@ -19,6 +19,7 @@ from ply.coupled_energy import (
     strains,
     tangents,
 )
+from ply.coupled_factor import factors, solve_factored
 from ply.fiber import Array, Statuses, dot
 
 Bools = NDArray[np.bool_]
@@ -104,7 +105,7 @@ def _step(
     ]
     if foreseen is None:
         foreseen = [np.zeros((*rs.shape[:-2], 3, rs.shape[-2])) for rs, _ in ends]
-    step, aid = _aided_step(body, tangent(body, q, cups, foreseen))
+    step, aid = _aided_step(body, tangent(body, q, cups, foreseen, ends))
     moves = [
         piece.values @ part
         for (piece, _), part in zip(pieces, body.split(step), strict=True)
@@ -153,11 +154,12 @@ def _solve(body: Body, now: Tangent, aid: Array) -> tuple[Array, Bools]:
         add_to_blocks(core, aid[:, None, None] * body.core.bending)
         add_to_blocks(strips, aid[:, None, None, None] * body.strips.bending)
     load, outer = _condense(core, strips, now)
-    good = outer.definite & definite(core)
-    matrix, load, solved = (
-        array if good.all() else array[good] for array in (core, load, outer.solved)
+    lower, good = factors(core)
+    good &= outer.definite
+    lower, load, solved = (
+        array if good.all() else array[good] for array in (lower, load, outer.solved)
     )
-    found = np.asarray(np.linalg.solve(matrix, load[..., None])[..., 0], float)
+    found = solve_factored(lower, load[..., None])[..., 0]
     count, functions = strips.shape[1], strips.shape[-1] // 3
     half, some = functions // 2, len(load)
     q_core = found.reshape(some, 3, core.shape[-1] // 3).mT
@@ -187,7 +189,10 @@ def _condense(core: Array, strips: Array, now: Tangent) -> tuple[Array, _Outer]:
     out, inn = slice(0, half), slice(half, k)
     outer, cross = part(out, out), part(out, inn)
     right = -force[..., out].reshape(b, count, 3 * half, 1)
-    solved: Array = np.linalg.solve(outer, np.concatenate([cross, right], axis=-1))
+    lower, sound = factors(outer.reshape(b * count, *edge[2:]))
+    sides = np.concatenate([cross, right], axis=-1)
+    solved = solve_factored(lower, sides.reshape(b * count, *sides.shape[2:]))
+    solved = solved.reshape(sides.shape)
     less = cross.mT @ solved
     added = (part(inn, inn) - less[..., :-1]).reshape(b, count, 3, half, 3, half)
     loads = -force[..., inn] - less[..., -1].reshape(b, count, 3, half)
@@ -197,16 +202,5 @@ def _condense(core: Array, strips: Array, now: Tangent) -> tuple[Array, _Outer]:
         own = slice(strip * half, (strip + 1) * half)
         matrix[:, :, own, :, own] += added[:, strip]
         load[:, :, own] += loads[:, strip]
-    sound = definite(outer.reshape(b * count, *edge[2:])).reshape(b, count)
-    return load.reshape(b, 3 * n), _Outer(solved, np.asarray(sound.all(-1)))
-
-
-def definite(matrices: Array) -> Bools:
-    """Which of the symmetric matrices (b, n, n) are positive definite, shape (b,)."""
-    out = np.ones(len(matrices), dtype=bool)
-    for k, matrix in enumerate(matrices):  # numpy does not say which of a batch failed
-        try:
-            np.linalg.cholesky(matrix)
-        except np.linalg.LinAlgError:
-            out[k] = False
-    return out
+    every = sound.reshape(b, count).all(-1)
+    return load.reshape(b, 3 * n), _Outer(solved, np.asarray(every))

@@ -11,6 +11,7 @@ from ply.fiber import Array, dot, length_error
 STRIP_CUPS = np.array([[0, 1], [2, 3], [0, 2], [1, 3]])  # both cups of each strip
 OUTER = np.array([-1, 1, -1, 1])  # side of a strip's middle line where its rim lies
 TIE = 1e-6  # [-] bulge over length below which two sides are equally flat
+AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # of each axis, as in a cross product
 BULGE_SQUARE = 2 / 105  # [-] integral of (d/du u^2 (1 - u)^2)^2
 BUBBLE = 0.5  # [-] first bubble is 2 u^2 (1 - u)^2
 
@@ -35,7 +36,8 @@ def mean_turn(before: Array, after: Array) -> Array:
     frames = []
     for rows in (before, after):
         x, y = rows[..., 1::3, :], rows[..., 2::3, :]
-        frames.append(np.concatenate([x, y, np.cross(x, y)], axis=-2))
+        normal = x[..., AFTER] * y[..., BEFORE] - x[..., BEFORE] * y[..., AFTER]
+        frames.append(np.concatenate([x, y, normal], axis=-2))
     u, _, v = np.linalg.svd(frames[1].mT @ frames[0])
     u[..., -1] *= np.sign(np.linalg.det(u @ v))[..., None]
     return np.asarray(u @ v)
