@@ -57,15 +57,6 @@ class PointJacobian(NamedTuple):
         """
         return (normals[..., None, None, :] @ self.values)[..., 0, :]
 
-    def dense(self, n_cups: int) -> Array:
-        """Derivatives by the twists of all cups, shape (..., n, 3, n_cups, 6)."""
-        n = len(self.cups)
-        full = np.zeros((*self.values.shape[:-4], n, n_cups, 3, 6))
-        every = np.arange(n)
-        for k in range(4):
-            full[..., every, self.cups[:, k], :, :] += self.values[..., k, :, :]
-        return np.swapaxes(full, -2, -3)
-
 
 def point_jacobian(
     grid: CupGrid,
