@@ -1,7 +1,6 @@
 """Which stroke jumps the equilibrium survives, from which mold: counts and a figure."""
 
 import json
-import time
 from pathlib import Path
 
 import numpy as np
@@ -62,15 +61,13 @@ def count(tool, start, radius, jump, field, samples, rng):
     strokes = robot.leg_columns[:, STROKE]
     cell = {"radius_m": radius if radius < np.inf else None, "jump_mm": 1e3 * jump}
     cell |= {way: dict.fromkeys(FITTING, 0) for way in ("at_once", "in_parts")}
-    cell |= {"inside": 0, "inside_failed": 0, "worst_ms": 0.0}
+    cell |= {"inside": 0, "inside_failed": 0}
     for _ in range(samples):
         q = start.q.copy()
         change = field(robot, rng)
         q[strokes] += jump * change / np.abs(change).max()
         at_once = tool.settle_once(q, fixed, start)
-        begin = time.perf_counter()
         in_parts = tool.settle(q, fixed, start)
-        cell["worst_ms"] = max(cell["worst_ms"], 1e3 * (time.perf_counter() - begin))
         cell["at_once"][at_once.status.name.lower()] += 1
         cell["in_parts"][in_parts.status.name.lower()] += 1
         if inside(robot, q[strokes]):
@@ -112,7 +109,7 @@ def inside(robot, strokes):
 
 
 def write_maps(maps, name):
-    """Write counts as JSON and as a figure; returns the paths."""
+    """Write counts as JSON and as a figure; returns their names."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -134,7 +131,7 @@ def write_maps(maps, name):
     )
     figure.savefig(stem.with_suffix(".png"), dpi=130)
     plt.close(figure)
-    return [str(stem.with_suffix(end)) for end in (".json", ".png")]
+    return [f"{RESULTS.name}/{stem.name}{end}" for end in (".json", ".png")]
 
 
 def draw(axis, cells, way):
