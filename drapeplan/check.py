@@ -14,7 +14,8 @@ from drapeplan.frames import rotation_vectors
 from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
 from drapeplan.path import CupState
 from drapeplan.plan import Plan, document_hash, source_hashes
-from drapeplan.planner import make_request, net_facts, refill
+from drapeplan.planner import lag_facts, make_request, net_facts, refill
+from drapeplan.settling import GIVEN
 from drapeplan.words import failures
 
 Array = NDArray[np.float64]
@@ -120,9 +121,16 @@ def _compare_request(plan: Plan) -> Iterator[str]:
     for key, value in facts.items():
         if not abs(plan.document["net"].get(key, np.nan) - value) <= REMADE:
             yield f"net.{key}: is not what the scene gives, {value:.9g}"
+    for key, value in lag_facts(plan.cell, path, track).items():
+        if not abs(plan.document["kinematic_lag"].get(key, np.nan) - value) <= REMADE:
+            yield f"kinematic_lag.{key}: is not what the scene gives, {value:.9g}"
     landed = path.states >= CupState.LANDING
+    judged = np.ones(landed.shape, dtype=bool)
+    if plan.scene.fidelity == "equilibrium":  # free cups are where they settle
+        landed = path.states >= CupState.PLACED
+        judged = landed | np.isin(path.phase, GIVEN)[:, None]
     miss = np.linalg.norm(track.poses[0] - path.positions, axis=-1)
-    excess = miss - np.where(landed, LANDED, WAITED)
+    excess = np.where(judged, miss - np.where(landed, LANDED, WAITED), 0.0)
     turn = np.linalg.norm(rotation_vectors(track.poses[1], path.rotations), axis=-1)
     if not (excess <= 0).all():
         k, cup = np.unravel_index(excess.argmax(), excess.shape)

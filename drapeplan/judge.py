@@ -13,7 +13,9 @@ from drapeplan.closures import Chords, Closures
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.frames import inverse, moved, rotation_vectors
 from drapeplan.motion import ALIGNED, CLOSED, LANDED, LIMIT
+from drapeplan.rest import judge_rest
 from drapeplan.sequence import Sequence
+from drapeplan.touch import judge_touch
 from drapeplan.track import Track
 from drapeplan.verdict import FrontVerdict
 from ply.fiber import LengthStatus, bubble_height
@@ -50,7 +52,10 @@ def judge(
         "limits": _limits(track),
         "fibers": _fibers(cell, track, contact.fibers),
         "arm": judge_arm(cell, track),
+        "touch": judge_touch(track, cell.scene.tolerance.touch_mm * 1e-3),
     }
+    if cell.scene.fidelity == "equilibrium":
+        parts["rest"] = judge_rest(cell, track)
     front = contact.front.to_dict()
     verdict = {
         "good": contact.front.passed

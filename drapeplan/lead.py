@@ -11,7 +11,8 @@ and a small QP chooses
 with the tilt and height that cup c misses of its request, and x_0 what the strokes
 already differ from those of the request. Cups of the landing ring count fully; those
 outside pay for them and count little, but may not sink below their request. Fibers
-stay as short as they are, strokes within their limits.
+keep to their longest natural length, strokes to their limits, and ply that is too low
+has a price.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from drapeplan.closures import Chords
 from drapeplan.frames import rotation_vectors
 from drapeplan.legs import cross
 from drapeplan.qp import QpSolver, QuadraticProgram
+from ply.fiber import natural_length
+from ply.rates import EndRates, Ends, natural_length_rates
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,10 @@ HEIGHT = np.array([0.0, 1.0, 0.1, 0.03])  # [-] weight of a cup's height, by its
 TILT = np.array([0.0, 1.0, 0.3, 0.1])  # [-] weight of its tilt; the last: further out
 KEEP = 1e-3  # [-] pulls strokes back to those of the request
 SINK = 0.1e-3  # [m] a cup outside the landing ring may be lower by this
+DEPTH = 0.1e-3  # [m] the free ply may be lower than its laid state by this
+RESERVE = 0.03e-3  # [m] kept of a fiber's length for what linearization misses
+PRICES = np.array([1e3, 25.0])  # [-] of a squared mm of stretch, and of depth beyond
+MOST = 1e3  # [mm] more than any fiber is stretched, or any sample deep
 NEAR = 1.5e-3  # [m] fibers with less slack than this are watched
 LONGEST = 20e-3  # [m] longest change of one stroke in one correction
 
@@ -43,8 +50,13 @@ LONGEST = 20e-3  # [m] longest change of one stroke in one correction
 class Response(Protocol):
     """How cups respond to strokes: what `drapeplan.equilibrium` returns."""
 
-    position: Array  # (n, 3, n_free), [-]
-    rotation: Array  # (n, 3, n_free), [rad/m]
+    @property
+    def position(self) -> Array:
+        """Derivatives of cup positions, shape (n, 3, n_free), [-]."""
+
+    @property
+    def rotation(self) -> Array:
+        """Derivatives of their rotation vectors, shape (n, 3, n_free), in [rad/m]."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +67,15 @@ class Task:
         request: Cup positions (n, 3), in [m], and rotations (n, 3, 3), in the world.
         ring: Ring of each cup, as from `drapeplan.rings`, shape (n,).
         outward: Outward directions along (s, t), shape (n, 2).
-        toe_up: Angle by which the landing ring shall lean back, in [rad].
+        toe_up: Angle by which the landing ring shall lean back, about its heel, [rad].
+        half_width: Distance of the heel from a cup's center, [m].
     """
 
     request: tuple[Array, Array]
     ring: NDArray[np.int_]
     outward: Array
     toe_up: float
+    half_width: float
 
 
 class StrokeLead:
@@ -75,6 +89,7 @@ class StrokeLead:
             longest_fiber: Free length of a fiber plus its take-up, [m].
         """
         self.chords, self.longest_fiber = chords, longest_fiber
+        self._axis = (np.diff(chords.pairs)[:, 0] != 1).astype(int)  # 0: along s
         self.solver = QpSolver()
 
     def correction(
@@ -84,10 +99,12 @@ class StrokeLead:
         task: Task,
         offset: Array,
         room: tuple[Array, Array],
+        low: tuple[Array, Array] | None = None,
     ) -> Array:
         """Change of the free strokes that brings the cups nearer to their task.
 
-        No change at all meets every constraint, so that there is always an answer.
+        Fibers that are too long already and ply that is too low already have a price,
+        so that there is always an answer.
 
         Args:
             poses: Cup positions (n, 3), in [m], and rotations, at equilibrium.
@@ -95,49 +112,82 @@ class StrokeLead:
             task: What they are to achieve.
             offset: Free strokes less those of the request, shape (n_free,), in [m].
             room: Least and largest change of each free stroke, in [m].
+            low: Derivatives of low heights of the ply by the free strokes, shape
+                (r, n_free), and the heights, shape (r,), in [m]; the deepest one is
+                raised towards DEPTH, as far as that is worth its price.
 
         Returns:
             Changes, shape (n_free,), in [m].
         """
         A, b = _objective(poses, response, task)
-        H = A.T @ A + KEEP * np.eye(A.shape[1])
-        c = -A.T @ b + KEEP * MILLI * offset
-        rows = [_heights(poses, response, task), self._fibers(poses, response)]
-        G, h = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+        size = A.shape[1]
+        H = np.diag(np.append(np.full(size, KEEP), PRICES))
+        H[:size, :size] += A.T @ A
+        c = np.append(-A.T @ b + KEEP * MILLI * offset, [0.0, 0.0])
+        rows = [(*_heights(poses, response, task), (0, 0))]
+        rows.append((*self._fibers(poses, response), (-1, 0)))
+        if low is not None:
+            rows.append((-low[0], low[1] + DEPTH, (0, -1)))
+        G = np.concatenate(
+            [np.hstack([g, np.tile(e, (len(g), 1))]) for g, _, e in rows]
+        )
+        h = MILLI * np.concatenate([h for _, h, _ in rows])
         lower, upper = (MILLI * np.clip(x, -LONGEST, LONGEST) for x in room)
-        none = csc_matrix((0, len(c)))
         program = QuadraticProgram(
             csc_matrix(H),
             c,
             csc_matrix(G),
-            MILLI * h,
-            none,
+            h,
+            csc_matrix((0, size + 2)),
             np.zeros(0),
-            np.minimum(lower, 0.0),
-            np.maximum(upper, 0.0),
+            np.append(np.minimum(lower, 0.0), [0.0, 0.0]),
+            np.append(np.maximum(upper, 0.0), [MOST, MOST]),
         )
         solution = self.solver.solve(program)
-        return solution.x / MILLI if solution.found else np.zeros(len(c))
+        return solution.x[:size] / MILLI if solution.found else np.zeros(size)
 
     def _fibers(
         self, poses: tuple[Array, Array], response: Response
     ) -> tuple[Array, Array]:
-        """Chords of nearly taut fibers: they may grow to their fiber's length."""
-        slack = self.longest_fiber - self.chords.values(*poses)
-        near = slack < NEAR
-        ends = self.chords.ends(*poses)[near]
+        """Natural lengths of nearly taut fibers: they may grow to the longest."""
+        ends, tangents, natural = self._lengths(poses)
+        near = natural > self.longest_fiber - NEAR
+        ends, tangents = ends[near], tangents[near]
         pairs = self.chords.pairs[near]
-        gap = ends[:, 1] - ends[:, 0]
-        e = gap / np.linalg.norm(gap, axis=1, keepdims=True)
-        sides = []
-        for k in (0, 1):
-            cup = pairs[:, k]
-            moment = cross(ends[:, k] - poses[0][cup], e)
-            sides.append(
-                np.einsum("rx,rxf->rf", e, response.position[cup])
-                + np.einsum("rx,rxf->rf", moment, response.rotation[cup])
-            )
-        return sides[1] - sides[0], np.maximum(slack[near], 0.0)
+        arms = ends - poses[0][pairs]
+        both = response.position, response.rotation
+        moves = [np.swapaxes(x[pairs], -1, -2) for x in both]  # (m, 2, n_free, 3)
+        ends_move = moves[0] + cross(moves[1], arms[:, :, None])
+        leans = cross(moves[1], tangents[:, :, None])
+        chord = ends[:, 1] - ends[:, 0]
+        none = np.zeros_like(chord)
+        rates = natural_length_rates(
+            Ends(chord, tangents[:, 0], tangents[:, 1], none, natural[near]),
+            EndRates(
+                none[:, None],
+                ends_move[:, 1] - ends_move[:, 0],
+                leans[:, 0],
+                leans[:, 1],
+                none[:, None],
+                np.zeros((len(chord), 1)),
+            ),
+        )
+        return rates, self.longest_fiber - RESERVE - natural[near]
+
+    def _lengths(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+        """Ends (m, 2, 3), tangents there, and natural lengths (m,) of all fibers."""
+        ends = self.chords.ends(*poses)
+        tangents = poses[1][self.chords.pairs, :, self._axis[:, None]]
+        pairs = np.moveaxis(ends, 1, 0), np.moveaxis(tangents, 1, 0)
+        return ends, tangents, natural_length(*pairs[0], *pairs[1])
+
+    def overlong(self, poses: tuple[Array, Array]) -> float:
+        """Largest natural length beyond the longest fiber, in [m].
+
+        Args:
+            poses: Cup positions, shape (n, 3), in [m], and rotations.
+        """
+        return float(self._lengths(poses)[2].max() - self.longest_fiber)
 
 
 def _objective(
@@ -150,6 +200,8 @@ def _objective(
     away = (frames[..., :2] @ task.outward[..., None])[..., 0]
     lean = np.where((task.ring == 1)[:, None], task.toe_up * cross(n, away), 0.0)
     tilt = rotation_vectors(poses[1], frames) - lean
+    heel = task.half_width * np.linalg.norm(lean, axis=1)
+    missing = np.sum(n * (wanted - poses[0]), axis=1) + heel
     rows, right = [], []
     for axis in (s, t):
         weight = TILT_LEVER * TILT[ring]
@@ -158,7 +210,7 @@ def _objective(
         right.append(weight * np.sum(axis * tilt, axis=1))
     rise = np.einsum("cx,cxf->cf", n, response.position)
     rows.append(HEIGHT[ring][:, None] * rise)
-    right.append(HEIGHT[ring] * MILLI * np.sum(n * (wanted - poses[0]), axis=1))
+    right.append(HEIGHT[ring] * MILLI * missing)
     return np.concatenate(rows), np.concatenate(right)
 
 

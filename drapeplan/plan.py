@@ -81,6 +81,7 @@ class Document(_Strict):
     mold: dict[str, Any]
     sequence: _Sequence
     net: dict[str, float]
+    kinematic_lag: dict[str, float]
     targets: _Targets
     waypoints: list[_Waypoint]
     verdict: dict[str, Any]
@@ -200,6 +201,7 @@ def make_document(
     sequence: Sequence,
     targets: tuple[Array, Array],
     net: dict[str, float],
+    kinematic_lag: dict[str, float],
     track: Track,
     verdict: dict[str, Any],
 ) -> dict[str, Any]:
@@ -225,6 +227,7 @@ def make_document(
             "steps": [[list(cup) for cup in cups] for cups in sequence.steps],
         },
         "net": net,
+        "kinematic_lag": kinematic_lag,
         "targets": {
             "position_m": _plain(targets[0]),
             "rotation": _plain(targets[1]),

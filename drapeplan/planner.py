@@ -27,6 +27,7 @@ from drapeplan.plan import DIGITS, Plan, make_document
 from drapeplan.scene import HoverPath, Scene
 from drapeplan.sentences import sentences
 from drapeplan.sequence import Sequence, make_sequence
+from drapeplan.settling import UnsettledError, kinematic_lag, settle_path
 from drapeplan.shear import cell_shear
 from drapeplan.track import Track
 from drapeplan.wave import Wave, plan_wave
@@ -86,14 +87,19 @@ def make_plan(
     count = len(path.tau)
     try:
         motion = follow(cell, path, lambda k: tell("strokes", k / count))
-    except StrokesError as error:
+        if scene.fidelity == "equilibrium":
+            motion = settle_path(
+                cell, path, motion, progress=lambda k: tell("rest", k / count)
+            ).motion
+    except (StrokesError, UnsettledError) as error:
         raise _not_drapable(cell, sequence, wave, error) from error
     track = make_track(cell, path, motion)
     tell("front", 0.0)
     landing = asked.landing
     verdict, contact = judge(cell, sequence, landing, track)
     facts = net_facts(cell, landing[0], asked.targets)
-    document = make_document(cell, sequence, landing, facts, track, verdict)
+    lag = lag_facts(cell, path, track)
+    document = make_document(cell, sequence, landing, facts, lag, track, verdict)
     tell("front", 1.0)
     return Outcome(Plan(document), contact, motion)
 
@@ -192,6 +198,21 @@ def net_facts(cell: Cell, positions: Array, targets: Net) -> dict[str, float]:
     }
 
 
+def lag_facts(cell: Cell, path: Path, track: Track) -> dict[str, float]:
+    """How far the cups of the kinematic fidelity would really be off before contact.
+
+    Args:
+        cell: Robot, mold and ply.
+        path: The requested path.
+        track: The drape; its arm is used.
+    """
+    distance, angle = kinematic_lag(cell, path, track.arm)
+    return {
+        "largest_distance_mm": round(1e3 * distance, 6),
+        "largest_angle_deg": round(float(np.degrees(angle)), 6),
+    }
+
+
 def refill(cell: Cell) -> dict[str, Any] | None:
     """Height grid of an analytic mold, filled anew; None for a mesh."""
     if cell.scene.mold.surface is None:
@@ -215,7 +236,7 @@ def make_track(cell: Cell, path: Path, motion: Motion) -> Track:
 
 
 def _not_drapable(
-    cell: Cell, sequence: Sequence, wave: Wave, cause: StrokesError
+    cell: Cell, sequence: Sequence, wave: Wave, cause: StrokesError | UnsettledError
 ) -> NotDrapableError:
     """Judge the order on the requested poses, which no strokes reach."""
     clearance = np.array([0.0, 0.0, cell.scene.motion.clearance_mm * 1e-3])

@@ -194,8 +194,8 @@ class PlacementSection(Section):
 class PickSection(Section):
     """The flat table that the ply is picked from."""
 
-    position_m: Point3 = (0.0, 0.75, 0.20)
-    yaw_deg: Degrees = 0.0
+    position_m: Point3 = (0.0, 0.85, 0.20)
+    yaw_deg: Degrees = 90.0
 
 
 class SequenceSection(Section):
@@ -240,12 +240,18 @@ class MotionSection(Section):
     speed_fraction: Annotated[float, Field(ge=0.001, le=1)] = 0.25
 
 
+class LeadSection(Section):
+    """How strokes lead the tilt lag of the cups."""
+
+    toe_up_deg: Annotated[float, Field(ge=0, le=10)] = 0.5
+
+
 class ToleranceSection(Section):
     """What counts as touching, as a barrier, and as penetration."""
 
     touch_mm: Small = 0.5
     barrier_mm: Small = 0.5
-    penetration_mm: Small = 0.3
+    penetration_mm: Small = 0.5
     pad_penetration_mm: Small = 1.0
     laid_sink_mm: Small = 3.0
     laid_bridge_mm: Small = 3.0
@@ -266,7 +272,8 @@ class Scene(Section):
     path: PathSection = RectangleBlendPath()
     motion: MotionSection = MotionSection()
     tolerance: ToleranceSection = ToleranceSection()
-    fidelity: Literal["kinematic"] = "kinematic"
+    lead: LeadSection = LeadSection()
+    fidelity: Literal["equilibrium", "kinematic"] = "equilibrium"
     seed: Annotated[int, Field(ge=0, description=LATER)] = 0
 
 

@@ -14,6 +14,10 @@ KINEMATIC = (
     "Fidelity kinematic: the passive joints follow the request, as if something "
     "steered them; the real tool's cups lag in tilt, so the margins are optimistic."
 )
+EQUILIBRIUM = (
+    "Fidelity equilibrium: the passive joints rest where weight, ply and links leave "
+    "them; strokes lead the tilt lag of the cups."
+)
 
 
 def labels(track: Track) -> list[str]:
@@ -77,7 +81,25 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
             f"({100 * limits['largest_rate_share']:.0f} % of what is allowed)."
         )
     lines += arm_failures(verdict["arm"], names)
-    return lines + _fiber_lines(verdict["fibers"])
+    return lines + _fiber_lines(verdict["fibers"]) + _tool_lines(verdict)
+
+
+def _tool_lines(verdict: dict[str, Any]) -> list[str]:
+    """How pads land, and whether the tool rests where the plan has it."""
+    lines, touch, rest = [], verdict["touch"], verdict.get("rest")
+    if not touch["good"]:
+        kind = "border cup" if touch["border"] else "cup"
+        angle = max(touch["inner_toe_down_deg"], touch["border_toe_down_deg"])
+        lines.append(
+            f"{kind.capitalize()} {tuple(touch['cup'])} lands toe first by "
+            f"{angle:.1f} deg, {touch['limit_deg']:.1f} are the most: resilient "
+            "interlinks, a stiffer ply or another start would help."
+        )
+    if rest and not rest["good"]:
+        where = rest["unsettled_waypoint"]
+        problem = "moves when it is let go" if rest["stable"] else "has no stable rest"
+        lines.append(f"The tool {problem} at waypoint {where}.")
+    return lines
 
 
 def _laid_lines(laid: dict[str, Any]) -> list[str]:
@@ -127,4 +149,4 @@ def summary(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[
     share = verdict["laid"]["beside_mold_share"]
     if share:
         lines.append(f"{100 * share:.1f} % of the ply hangs beside the mold.")
-    return [*lines, KINEMATIC] if verdict["fidelity"] == "kinematic" else lines
+    return [*lines, EQUILIBRIUM if verdict["fidelity"] == "equilibrium" else KINEMATIC]

@@ -198,7 +198,8 @@ def test_an_arm_without_geometry_plans_and_says_what_was_not_checked(folder):
 def test_a_saddle_picked_straight_meets_the_forearm(drapeplan, write_scene, tmp_path):
     """Carried high past the corner of the table, the platform meets the forearm."""
     saddle = {"kind": "paraboloid", "radius_x_m": 1.8, "radius_y_m": -1.5}
-    scene = write_scene(mold={"surface": saddle})
+    pick = {"position_m": [0.0, 0.75, 0.2], "yaw_deg": 0}
+    scene = write_scene(mold={"surface": saddle}, pick=pick)
     assert yaml.safe_load(scene.read_text())["mold"]["surface"] == saddle
     ended = drapeplan("plan", scene, "-o", tmp_path / "plan.json")
     assert ended.code == 1

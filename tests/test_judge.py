@@ -95,7 +95,7 @@ def test_steps_carry_the_least_margins():
 
 
 def test_a_ply_picked_where_the_mold_stands_is_refused():
-    near = scene(pick={"position_m": [0.4, 0.4, 0.2]})
+    near = scene(pick={"position_m": [0.4, 0.4, 0.2], "yaw_deg": 0})
     verdict = make_plan(near, EXAMPLES, "test").plan.verdict
     assert not verdict["front"]["starts_free"]
     assert not verdict["good"]
@@ -105,7 +105,8 @@ def test_a_ply_picked_where_the_mold_stands_is_refused():
 def test_a_ply_that_does_not_lie_on_the_mold_is_not_good(height):
     """A narrow ridge or groove between two columns of cups."""
     surface = {"kind": "ridge", "height_mm": height, "sigma_mm": 12, "offset_mm": 0}
-    verdict = make_plan(scene(surface), EXAMPLES, "test").plan.verdict
+    narrow = scene(surface, fidelity="kinematic")
+    verdict = make_plan(narrow, EXAMPLES, "test").plan.verdict
     assert verdict["front"]["passed"]
     assert not verdict["laid"]["good"]
     assert not verdict["good"]

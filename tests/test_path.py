@@ -43,11 +43,11 @@ def test_the_ply_is_picked_flat_square_and_where_the_scene_says(blend):
     x, y, z = cell.scene.pick.position_m
     assert_allclose(positions.mean(axis=(0, 1)), [x, y, z], atol=EXACT)
     assert_allclose(positions[..., 2], z, atol=EXACT)
-    assert_allclose(np.diff(positions[..., 0], axis=1), cell.grid.pitch, atol=EXACT)
-    assert_allclose(np.diff(positions[..., 1], axis=0), cell.grid.pitch, atol=EXACT)
-    assert_allclose(
-        path.rotations[0], np.broadcast_to(np.eye(3), (48, 3, 3)), atol=EXACT
-    )
+    assert cell.scene.pick.yaw_deg == 90
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # s along y, t against x
+    assert_allclose(np.diff(positions[..., 1], axis=1), cell.grid.pitch, atol=EXACT)
+    assert_allclose(np.diff(positions[..., 0], axis=0), -cell.grid.pitch, atol=EXACT)
+    assert_allclose(path.rotations[0], np.broadcast_to(turn, (48, 3, 3)), atol=EXACT)
 
 
 def test_wave_poses_reach_the_world_unchanged(blend):

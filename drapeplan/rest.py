@@ -1,0 +1,67 @@
+"""Rest: whether each waypoint of a drape is where its strokes leave the tool."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import Cell
+from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
+from drapeplan.legs import cup_poses
+from drapeplan.settling import GIVEN, LEVEL, tool_physics
+from drapeplan.track import Track
+
+Array = NDArray[np.float64]
+
+AT_REST = 1e-6  # [m] largest move of a cup that is let go: joints are rounded
+DIGITS = 6  # decimals of a stiffness: what Newton's tolerance leaves
+
+
+def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
+    """Let each waypoint settle and see whether it moves.
+
+    Args:
+        cell: Robot, mold and ply.
+        track: The drape.
+
+    Returns:
+        Plain data: whether all waypoints are at stable rest, how far the worst cup
+        moves, the least stiffness of the tool, and the waypoints of both.
+    """
+    tool = Equilibrium(cell.robot, tool_physics(cell))
+    columns, fixed = cell.robot.leg_columns, track.placed
+    moves, least = np.zeros(len(track.phase)), np.full(len(track.phase), np.inf)
+    warm: Settled | None = None
+    for k in range(track.held.stop):
+        if track.phase[k] in GIVEN or fixed[k].all() or _rides(track, k):
+            continue
+        warm = tool.settle(track.q[k], fixed[k], warm)
+        poses = cup_poses(cell.robot.geometry, track.tool[k], warm.q[columns])
+        moves[k] = np.linalg.norm(poses[0] - track.poses[0][k], axis=-1).max()
+        if warm.status != SettledStatus.SETTLED:
+            moves[k] = np.inf
+        if warm.least_eigenvalue is not None:
+            least[k] = warm.least_eigenvalue
+    worst, softest = int(moves.argmax()), int(least.argmin())
+    stable = bool(np.isfinite(moves[worst]))
+    return {
+        "good": stable and bool(moves[worst] <= AT_REST),
+        "stable": stable,
+        "least_stiffness_Nm_per_rad": round(float(least[softest]), DIGITS),
+        "softest_waypoint": softest,
+        **({} if moves[worst] <= AT_REST else {"unsettled_waypoint": worst}),
+    }
+
+
+def _rides(track: Track, k: int) -> bool:
+    """Whether the tool is as it was, carried along level."""
+    if k == 0 or track.phase[k - 1] in GIVEN:
+        return False
+    down = track.tool[k - 1 : k + 1, 2, :3]
+    return (
+        bool((track.placed[k] == track.placed[k - 1]).all())
+        and np.abs(track.legs[k] - track.legs[k - 1]).max() < LEVEL
+        and np.abs(down[1] - down[0]).max() < LEVEL
+    )

@@ -1,0 +1,312 @@
+"""Settling: where the tool's passive joints come to rest along a path.
+
+The kinematic solution of a path proposes strokes; each waypoint is settled at
+equilibrium, the strokes are corrected to lead the tilt lag, and it is settled again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import Cell
+from drapeplan.closures import Chords
+from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus, ToolPhysics
+from drapeplan.errors import InfeasibleError
+from drapeplan.frames import rotation_vectors
+from drapeplan.lead import DEPTH, StrokeLead, Task
+from drapeplan.legs import STROKE, cup_poses, leg_coordinates
+from drapeplan.motion import DIGITS, Motion, duration, schedule
+from drapeplan.path import CupState, Path
+from drapeplan.ply_rows import PlyRows
+from drapeplan.rings import outward, ring_of
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+GIVEN = ("pick", "release", "retreat")  # phases with the cups on a table or let go
+ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is well
+LEVEL = 1e-9  # [-] change of gravity's direction in the tool frame that is none
+
+
+class UnsettledError(InfeasibleError):
+    """The tool has no stable rest at a waypoint.
+
+    Attributes:
+        waypoint: Index of the waypoint.
+        phase: Its phase.
+        step: Its wave step, -1 outside the wave.
+    """
+
+    def __init__(self, path: Path, k: int, settled: Settled) -> None:
+        """Say where, and what was found instead."""
+        self.waypoint, self.phase, self.step = k, path.phase[k], int(path.step[k])
+        moment = self.phase
+        if moment == "wave":
+            moment = f"wave step {self.step + 1}" if self.step >= 0 else "start cup"
+        if settled.status == SettledStatus.SADDLE:
+            what = f"{moment}: the cups have no stable rest, the tool would flip"
+            excess = f"least stiffness {settled.least_eigenvalue:.3g} N m"
+        else:
+            what = f"{moment}: no equilibrium of the tool was found"
+            excess = f"{settled.residual:.3g} N m out of balance"
+        remedy = "a flatter mold, less lift, or a stiffer ply or tool would help"
+        super().__init__(what, excess, remedy)
+
+
+@dataclass(frozen=True)
+class Settling:
+    """A path at rest, and what was learned on the way; K waypoints.
+
+    Attributes:
+        motion: Joint positions at equilibrium, with their times.
+        believed: How far the QP's belief about free cups was off, shape (K,), in [m].
+        iterations: Newton steps, shape (K,).
+        least_eigenvalue: Stability of each waypoint, shape (K,); NaN-free: infinite
+            where nothing had to settle.
+    """
+
+    motion: Motion
+    believed: Array
+    iterations: NDArray[np.int_]
+    least_eigenvalue: Array
+
+
+def tool_physics(cell: Cell) -> ToolPhysics:
+    """What the equilibrium needs to know of a scene's ply."""
+    ply = cell.scene.ply
+    return ToolPhysics(
+        bending=ply.bending_stiffness_Nm,
+        areal_mass=ply.areal_mass_kg_m2,
+        longest_fiber=cell.sampling.grid.span + 1e-3 * ply.take_up_mm,
+    )
+
+
+def settle_path(
+    cell: Cell,
+    path: Path,
+    motion: Motion,
+    *,
+    lead: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> Settling:
+    """Settle a path at equilibrium, its strokes leading the lag of the cups.
+
+    Args:
+        cell: Robot, mold and ply.
+        path: The requested path.
+        motion: Its kinematic solution.
+        lead: Whether strokes are corrected; else those of the motion are kept.
+        progress: Called with the number of waypoints done.
+
+    Raises:
+        UnsettledError: A waypoint has no stable rest.
+    """
+    walk = _Walk(cell, path, motion, lead)
+    for k in range(len(path.tau)):
+        walk.advance(k)
+        if progress:
+            progress(k + 1)
+    return walk.result()
+
+
+class _Walk:
+    """Goes along a path, each waypoint warm from the one before."""
+
+    def __init__(self, cell: Cell, path: Path, motion: Motion, lead: bool) -> None:
+        self.cell, self.path, self.motion, self.lead = cell, path, motion, lead
+        self.robot, self.columns = cell.robot, cell.robot.leg_columns
+        physics = tool_physics(cell)
+        self.tool = Equilibrium(self.robot, physics)
+        self.strokes = StrokeLead(Chords(self.robot), physics.longest_fiber)
+        self.toe_up = np.radians(cell.scene.lead.toe_up_deg)
+        n = len(self.columns)
+        placed = np.asarray(path.states == CupState.PLACED)
+        last = len(path.phase) - 1 - path.phase[::-1].index("wave")
+        self.ply = PlyRows(cell, (path.positions[last], path.rotations[last]))
+        self.start = placed[placed.any(axis=1).argmax()]
+        self.carry = np.zeros((n, 6))  # settled legs less the kinematic ones
+        self.settled: Settled | None = None
+        self.rows: list[Array] = []
+        self.facts: list[tuple[float, int, float]] = []
+
+    def advance(self, k: int) -> None:
+        """Append the joint positions of waypoint k."""
+        if self.path.phase[k] in GIVEN:
+            self._append(self.motion.q[k], (0.0, 0, np.inf))
+        elif k and self._same_as_before(k):
+            q = self.rows[-1].copy()
+            q[self.robot.arm_columns] = self.motion.q[k, self.robot.arm_columns]
+            self._append(q, (0.0, 0, self.facts[-1][2]))
+        else:
+            self._settle(k)
+
+    def _append(self, q: Array, facts: tuple[float, int, float]) -> None:
+        self.rows.append(np.round(q, DIGITS))
+        self.facts.append(facts)
+
+    def _same_as_before(self, k: int) -> bool:
+        """Whether the cups ride on a tool that stays as level as it was."""
+        path, legs = self.path, self.motion.q[:, self.columns]
+        down = path.tool[k - 1 : k + 1, 2, :3]  # the vertical in the tool frame
+        fixed = path.states[k - 1 : k + 1] == CupState.PLACED
+        return (
+            path.phase[k - 1] not in GIVEN
+            and self.settled is not None
+            and np.abs(legs[k] - legs[k - 1]).max() < LEVEL
+            and np.abs(down[1] - down[0]).max() < LEVEL
+            and bool((fixed[0] == fixed[1]).all())
+        )
+
+    def _settle(self, k: int) -> None:
+        path, columns = self.path, self.columns
+        fixed = np.asarray(path.states[k] == CupState.PLACED)
+        kinematic = self.motion.q[k]
+        q = kinematic.copy()
+        q[columns[~fixed]] += self.carry[~fixed]
+        room = self._room(k, fixed)
+        stroke = columns[~fixed, STROKE]
+        q[stroke] = np.clip(q[stroke], *room)
+        settled = self._rest(k, q, fixed, stability=not self.lead)
+        believed, iterations = 0.0, settled.iterations
+        if self.lead and not fixed.all():
+            low = None
+            for _ in range(ROUNDS):
+                settled, believed = self._improve(k, settled, fixed, room, low)
+                iterations += settled.iterations
+                poses = self._poses(settled.q)
+                low = self.ply.low(poses, fixed)
+                deep = low[1].size and low[1][0] < -DEPTH
+                if not (deep or self.strokes.overlong(poses) > 0):
+                    break
+        self.settled = settled
+        self.carry = settled.q[columns] - kinematic[columns]
+        self.carry[fixed] = 0.0
+        least = settled.least_eigenvalue
+        self._append(
+            settled.q, (believed, iterations, np.inf if least is None else least)
+        )
+
+    def _improve(
+        self,
+        k: int,
+        settled: Settled,
+        fixed: Mask,
+        room: tuple[Array, Array],
+        low: tuple[NDArray[np.int64], Array] | None = None,
+    ) -> tuple[Settled, float]:
+        """One correction of the strokes; the settled result and the belief's error."""
+        stroke = self.columns[~fixed, STROKE]
+        response = self.tool.sensitivities(settled, fixed)
+        poses = self._poses(settled.q)
+        now = settled.q[stroke]
+        rows = None
+        if low is not None:
+            motion = response.position, response.rotation
+            rows = self.ply.slopes(poses, low[0], motion), low[1]
+        x = self.strokes.correction(
+            poses,
+            response,
+            self._task(k, fixed),
+            now - self.motion.q[k, stroke],
+            (room[0] - now, room[1] - now),
+            rows,
+        )
+        q = settled.q + response.q @ x
+        q[stroke] = now + x
+        found = self._rest(k, q, fixed, warm=settled)
+        believed = poses[0] + response.position @ x
+        error = np.linalg.norm(self._poses(found.q)[0] - believed, axis=-1)
+        return found, float(error.max())
+
+    def _rest(
+        self,
+        k: int,
+        q: Array,
+        fixed: Mask,
+        warm: Settled | None = None,
+        stability: bool = True,
+    ) -> Settled:
+        warm = warm or self.settled
+        settled = self.tool.settle(q, fixed, warm, stability=stability)
+        if settled.status != SettledStatus.SETTLED:
+            raise UnsettledError(self.path, k, settled)
+        return settled
+
+    def _task(self, k: int, fixed: Mask) -> Task:
+        path, robot = self.path, self.robot
+        landing = np.asarray(path.states[k] == CupState.LANDING)
+        if not (landing | fixed).any():  # the start cup is the next to land
+            landing = self.start
+        size = robot.rows, robot.columns
+        return Task(
+            (path.positions[k], path.rotations[k]),
+            ring_of(*size, fixed, landing),
+            outward(*size, fixed),
+            self.toe_up,
+            robot.half_width,
+        )
+
+    def _room(self, k: int, fixed: Mask) -> tuple[Array, Array]:
+        """Least and largest free strokes: limits, and rates within the wave."""
+        robot = self.robot
+        stroke = self.columns[~fixed, STROKE]
+        lower, upper = robot.lower[stroke], robot.upper[stroke]
+        time = duration(self.cell, self.path, k)
+        if np.isfinite(time) and self.rows:
+            before, reach = self.rows[-1][stroke], robot.velocity[stroke] * time
+            lower = np.maximum(lower, before - reach)
+            upper = np.minimum(upper, before + reach)
+        return lower, upper
+
+    def _poses(self, q: Array) -> tuple[Array, Array]:
+        robot = self.robot
+        tool = robot.arm_forward(q[robot.arm_columns])
+        return cup_poses(robot.geometry, tool, q[self.columns])
+
+    def result(self) -> Settling:
+        """All waypoints, with their times."""
+        q, path = np.stack(self.rows), self.path
+        time = schedule(self.cell, path.phase, path.step, path.tau, q)
+        believed, iterations, least = zip(*self.facts, strict=True)
+        return Settling(
+            replace(self.motion, q=q, time=time),
+            np.array(believed),
+            np.array(iterations),
+            np.array(least),
+        )
+
+
+def kinematic_lag(cell: Cell, path: Path, arm: Array) -> tuple[float, float]:
+    """How far cups are from what the kinematic fidelity believes, before contact.
+
+    Args:
+        cell: Robot, mold and ply.
+        path: The requested path, which the kinematic fidelity believes in.
+        arm: Joint positions of the arm, shape (K, 6), in [rad].
+
+    Returns:
+        Largest distance of a free cup from where it was believed to be, in [m], and
+        largest angle, in [rad], over the last waypoint before each landing; strokes
+        that leave the tool no stable rest do not count.
+    """
+    robot = cell.robot
+    tool, columns = Equilibrium(robot, tool_physics(cell)), robot.leg_columns
+    placed = np.asarray(path.states == CupState.PLACED)
+    count = placed.sum(axis=1)
+    before = np.flatnonzero((count[:-1] > 0) & (count[1:] > count[:-1]))
+    worst, settled = np.zeros(2), None
+    for k in before:
+        believed = path.positions[k], path.rotations[k]
+        legs = leg_coordinates(robot.geometry, path.tool[k], *believed)
+        q = robot.configuration(arm[k], legs)
+        settled = tool.settle(q, placed[k], settled, stability=False)
+        if settled.status == SettledStatus.SETTLED:
+            p, R = cup_poses(robot.geometry, path.tool[k], settled.q[columns])
+            apart = np.linalg.norm(p - believed[0], axis=1).max()
+            turn = np.linalg.norm(rotation_vectors(believed[1], R), axis=1).max()
+            worst = np.maximum(worst, [apart, turn])
+    return float(worst[0]), float(worst[1])
