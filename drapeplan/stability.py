@@ -15,7 +15,7 @@ from drapeplan.legs import Array
 from drapeplan.tool_energy import ToolTerms
 
 HOLD = 1e7  # [N/m] springs that hold rows: 1e-8 of the curvature is lost by them
-STEPS = 40  # of Lanczos' method; 25 bring the default tool to 1e-8
+STEPS = 28  # of Lanczos' method; 26 bring the default tool to 1e-10
 SURE = 1e-4  # [-] error of an eigenvalue, by its residual, that is good enough
 
 
