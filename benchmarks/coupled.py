@@ -8,6 +8,7 @@ import numpy as np
 from benchmarks._timing import median_time
 from ply.coupled import CoupledModel
 from ply.coupled_choice import coupled_alternatives
+from ply.coupled_jacobian import coupled_jacobian
 from ply.grid import CupGrid
 
 DATA = Path(__file__).parents[1] / "tests" / "data" / "truth"
@@ -15,6 +16,11 @@ GRID = CupGrid(rows=2, columns=2, pitch=0.11, half_width=0.02)
 CLASSES = ("cyl", "cyl_rot", "flatslack", "lift", "rnd_small")
 CLASSES += ("saddle", "sph", "sph_slack", "step")
 STEP = 2e-4  # [m] way of a cup between two poses of a path
+POINTS = 50
+LOADED: dict[str, dict] = {
+    "weight": {"weight": (0.0, 0.0, -4.0)},
+    "take_up": {"take_up": 4e-4},
+}
 COPIES = 4  # [-] of all cells in a batch
 
 
@@ -52,6 +58,18 @@ def run(quick: bool) -> dict:
             result[f"{key}_alone_ms"] = 1e3 * float(np.mean(alone))
             result[f"{key}_batched_ms"] = 1e3 * batched / len(many)
         result[f"order_{order}_cold_steps"] = float(before.iterations.mean())
+        points = np.random.default_rng(1).uniform(0, GRID.pitch, (POINTS, 2))
+        seconds = median_time(
+            lambda model=model, before=before, points=points: coupled_jacobian(
+                model, before, points
+            ),
+            repeats,
+        )
+        result[f"order_{order}_jacobian_{POINTS}_points_ms"] = 1e3 * seconds / len(p)
+    for name, settings in LOADED.items():
+        model = CoupledModel(GRID, **settings)
+        seconds = median_time(lambda model=model: model.solve(p, frames), repeats)
+        result[f"order_5_{name}_cold_batched_ms"] = 1e3 * seconds / len(p)
     for name in ("cold_alone", "cold_batched"):
         result[f"finite_elements_over_{name}"] = (
             1e3 * float(np.mean(fe_seconds)) / result[f"order_5_{name}_ms"]

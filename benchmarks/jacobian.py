@@ -9,7 +9,7 @@ from ply.shape import PlySampling, ply_fibers
 from ply.window import PlyWindow, window
 
 POINTS = 200
-BATCHES = (1, 64)
+BATCHES = (1, 8, 64)
 WINDOW = range(2, 6), range(1, 5)  # rows and columns, in the middle
 MOVED = (20, 21)
 SETTINGS: dict[str, dict] = {

@@ -104,7 +104,7 @@ def _unknown_rates(body: Body, q: Array, cups: Array) -> Array:
             square = block[..., :n].reshape(b, 3 * n, 3 * n)
             whole[:, place[:, None], place] += square
             right[:, place] += block[..., n:].reshape(b, 3 * n, 3 * ROWS)
-    return -np.linalg.solve(whole, right)
+    return np.asarray(-np.linalg.solve(whole, right), dtype=float)
 
 
 def _with_cups(piece: Piece, q: Array, cups: Array) -> Array:

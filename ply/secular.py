@@ -139,6 +139,6 @@ def _room_left(
     """What R leaves to the first mode at a distance e from x = gaps, and its slope."""
     near = gaps + e
     falls = equation.rest / (gaps * near) ** 2
-    p = spare + e * (equation.slope + (falls * (gaps + near)).sum(axis=0))
-    rate = equation.slope + 2 * (equation.rest / near**3).sum(axis=0)
+    p = spare + e * (equation.slope + np.add.reduce(falls * (gaps + near)))
+    rate = equation.slope + 2 * np.add.reduce(falls * (gaps * gaps / near))
     return np.maximum(p, FLOOR), rate

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ply.errors import PlyError
 from ply.fiber import Array
-from ply.grid import CupGrid
+from ply.grid import AxisPlace, CupGrid
 from ply.sampling import PlySampling
 from ply.weave import Sides, ply_fibers
 
@@ -81,62 +81,74 @@ class PlyWindow:
                 `ply_fibers` does: then the points before must have been left so, too.
 
         Returns:
-            A copy of the points, renewed where a cup around them has moved.
+            A copy of the points, renewed where a cup around them has moved, and in the
+            corners between such cups.
 
         Raises:
             PlyError: A cup is not in the array, or as `ply_fibers`.
         """
         grid, out = self.sampling.grid, np.array(points, dtype=float)
-        moved = np.zeros(grid.n_cups, dtype=bool)
         cups = np.atleast_1d(np.asarray(moved_cups, dtype=np.int64))
         if cups.size and not (0 <= cups.min() and cups.max() < grid.n_cups):
             problem = f"cups {cups.min()} to {cups.max()}"
             raise PlyError("moved_cups", problem, f"the grid has {grid.n_cups} cups")
-        moved[cups] = True
-        stale = np.any(moved[self.sampling.cups_around], axis=-1)
         for box in _boxes_around(grid, np.unique(cups)):
             part = self._part(box)
             kept = positions[..., part.cups, :], rotations[..., part.cups, :, :]
             fibers = ply_fibers(
-                part.sampling.grid, *kept, **self.settings | _sides(sides, box)
+                part.sampling.grid,
+                *kept,
+                **self.settings | _sides(sides, box.around(grid)),
             )
-            new = part.sampling.points(fibers, *kept)
-            t, s = np.nonzero(stale[np.ix_(part.t_lines, part.s_lines)])
-            out[..., part.t_lines[t], part.s_lines[s], :] = new[..., t, s, :]
+            out[part.place] = part.sampling.points(fibers, *kept)
         return out
 
     def _part(self, box: "_Box") -> "_Part":
-        """The sampling of a box of cups, made once."""
+        """The sampling that a box of moved cups asks for, made once."""
         if box not in self._boxes:
             whole, grid = self.sampling, self.sampling.grid
-            rows = range(box.first_row, box.last_row + 1)
-            columns = range(box.first_column, box.last_column + 1)
+            wide = box.around(grid)
+            rows = range(wide.first_row, wide.last_row + 1)
+            columns = range(wide.first_column, wide.last_column + 1)
             small, cups = window(grid, rows, columns)
-            s, t = grid.place_s(whole.s), grid.place_t(whole.t)
-            s_lines, t_lines = (
-                np.flatnonzero((place.cup >= part.start) & last)
-                for place, part in ((s, columns), (t, rows))
-                for last in [place.cup + place.in_span < part.stop]
-            )
+            s_lines = _lines(grid.place_s(whole.s), box.first_column, box.last_column)
+            t_lines = _lines(grid.place_t(whole.t), box.first_row, box.last_row)
             near_s = whole.s[s_lines] - columns.start * grid.pitch
             near_t = whole.t[t_lines] - rows.start * grid.pitch
             sampling = PlySampling(small, near_s, near_t)
-            self._boxes[box] = _Part(sampling, cups, s_lines, t_lines)
+            place = (..., t_lines[:, None], s_lines, slice(None))
+            if all((np.diff(lines) == 1).all() for lines in (s_lines, t_lines)):
+                t_part, s_part = (
+                    slice(lines[0], lines[-1] + 1) if lines.size else slice(0)
+                    for lines in (t_lines, s_lines)
+                )
+                place = (..., t_part, s_part, slice(None))
+            self._boxes[box] = _Part(sampling, cups, place)
         return self._boxes[box]
 
 
 class _Box(NamedTuple):
-    """A rectangle of cups, its last ones included."""
+    """A rectangle of moved cups, its last ones included."""
 
     first_row: int
     last_row: int
     first_column: int
     last_column: int
 
-    @property
-    def size(self) -> int:
-        rows = self.last_row - self.first_row + 1
-        return rows * (self.last_column - self.first_column + 1)
+    def size(self, grid: CupGrid) -> int:
+        """Number of its cups and their neighbors."""
+        wide = self.around(grid)
+        rows = wide.last_row - wide.first_row + 1
+        return rows * (wide.last_column - wide.first_column + 1)
+
+    def around(self, grid: CupGrid) -> "_Box":
+        """The box with its neighbors."""
+        return _Box(
+            max(self.first_row - 1, 0),
+            min(self.last_row + 1, grid.rows - 1),
+            max(self.first_column - 1, 0),
+            min(self.last_column + 1, grid.columns - 1),
+        )
 
     def joined(self, other: "_Box") -> "_Box":
         return _Box(
@@ -148,33 +160,37 @@ class _Box(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """What a box of cups needs of the whole sampling."""
+    """What a box of moved cups needs of the whole sampling."""
 
     sampling: PlySampling
     cups: NDArray[np.int64]
-    s_lines: NDArray[np.int64]
-    t_lines: NDArray[np.int64]
+    place: tuple[Any, ...]  # of its points among all
 
 
 def _boxes_around(grid: CupGrid, cups: Iterable[np.int64]) -> list[_Box]:
-    """Boxes that hold the cups with their neighbors, joined where that costs less."""
+    """Boxes that hold the cups, joined where that costs less."""
     boxes: list[_Box] = []
     for cup in cups:
         row, column = divmod(int(cup), grid.columns)
-        box = _Box(
-            max(row - 1, 0),
-            min(row + 1, grid.rows - 1),
-            max(column - 1, 0),
-            min(column + 1, grid.columns - 1),
-        )
+        box = _Box(row, row, column, column)
         while True:
-            near = [b for b in boxes if b.joined(box).size <= b.size + box.size]
+            near = [
+                b
+                for b in boxes
+                if b.joined(box).size(grid) <= b.size(grid) + box.size(grid)
+            ]
             if not near:
                 break
             boxes.remove(near[0])
             box = box.joined(near[0])
         boxes.append(box)
     return boxes
+
+
+def _lines(place: AxisPlace, first: int, last: int) -> NDArray[np.int64]:
+    """Lines that depend on cups from a first to a last one."""
+    depends = (place.cup + place.in_span >= first) & (place.cup <= last)
+    return np.flatnonzero(depends)
 
 
 def _sides(

@@ -96,7 +96,7 @@ def test_points_away_from_moved_cups_are_not_touched():
 
 def test_near_cups_share_a_box_and_far_ones_do_not():
     boxes = module._boxes_around(GRID, [0, 1, 6, 7, 47])
-    assert sorted(box.size for box in boxes) == [4, 9]
+    assert sorted(box.size(GRID) for box in boxes) == [4, 9]
     assert len(module._boxes_around(GRID, range(GRID.n_cups))) == 1
 
 
