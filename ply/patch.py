@@ -13,7 +13,7 @@ from ply import strip
 from ply.fiber import Array, powers
 
 SHARPNESS = 1e4  # [-] a of Eq. 49, from Fig. 6 of the paper
-ORDER = 2  # [-] k of Eq. 50, for which the paper has no value; 1..4 moves < 0.1 mm
+ORDER = 2  # [-] k of Eq. 50, for which the paper has no value: measured in D6
 TINY = 1e-12  # [-] epsilon of Eq. 47 and 48: defines the four corners
 
 

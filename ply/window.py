@@ -116,7 +116,7 @@ class PlyWindow:
             near_s = whole.s[s_lines] - columns.start * grid.pitch
             near_t = whole.t[t_lines] - rows.start * grid.pitch
             sampling = PlySampling(small, near_s, near_t)
-            place = (..., t_lines[:, None], s_lines, slice(None))
+            place: tuple[Any, ...] = (..., t_lines[:, None], s_lines, slice(None))
             if all((np.diff(lines) == 1).all() for lines in (s_lines, t_lines)):
                 t_part, s_part = (
                     slice(lines[0], lines[-1] + 1) if lines.size else slice(0)
