@@ -124,7 +124,8 @@ def plan(
     result = outcome.plan
     result.write(output)
     verdict = result.verdict
-    lines = summary(verdict, outcome.contact.front, result.track)
+    front, lag = outcome.contact.front, result.document["kinematic_lag"]
+    lines = summary(verdict, front, result.track, lag)
     if figure:
         draw_first_touch(figure, result, outcome.contact, scene.stem)
     show_verdict(verdict, lines, as_json, written=written)
@@ -157,7 +158,8 @@ def check(plan_file: PlanFile, figure: Figure = None, as_json: Json = False) -> 
     print(*lines, sep="\n", end="\n" if lines else "")
     if found.passed:
         print(f"{plan_file}: holds; everything recomputed agrees.")
-        facts = summary(found.verdict, result.judged[1].front, result.track)
+        front, lag = result.judged[1].front, result.document["kinematic_lag"]
+        facts = summary(found.verdict, front, result.track, lag)
         show_verdict(found.verdict, facts, False)
     return 0 if found.passed else 1
 

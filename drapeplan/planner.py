@@ -19,6 +19,7 @@ from drapeplan.cell import (
 )
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.errors import InfeasibleError
+from drapeplan.explain import words
 from drapeplan.judge import judge
 from drapeplan.motion import Motion, StrokesError, follow
 from drapeplan.net import Net, least_shear_net
@@ -256,7 +257,7 @@ def _not_drapable(
     for step in wave.step:
         name = f"Wave step {step + 1} of {steps}" if step >= 0 else "Start cup"
         names.append(f"{name}, as requested")
-    words = sentences(contact.front, names)
+    lines = sentences(contact.front, names)
     report = {
         "good": False,
         "fidelity": cell.scene.fidelity,
@@ -267,8 +268,17 @@ def _not_drapable(
             "problem": cause.what,
             "excess": cause.excess,
             "remedy": cause.remedy,
+            "open": _open_rows(cell, cause),
         },
         "front_on_requested_poses": contact.front.to_dict(),
-        "sentences": words,
+        "sentences": lines,
     }
-    return NotDrapableError(cause, report, words)
+    return NotDrapableError(cause, report, lines)
+
+
+def _open_rows(cell: Cell, cause: StrokesError | UnsettledError) -> list[str]:
+    """What stays open when all constraints of the step give way, the worst first."""
+    if isinstance(cause, UnsettledError):
+        return []
+    found = [words(cell.robot, row) for row in cause.rows]
+    return [f"{what}: {excess}" for what, excess, _ in found]

@@ -16,7 +16,8 @@ KINEMATIC = (
 )
 EQUILIBRIUM = (
     "Fidelity equilibrium: the passive joints rest where weight, ply and links leave "
-    "them; strokes lead the tilt lag of the cups."
+    "them, and strokes lead the tilt lag. Strokes that do not would leave cups "
+    "{:.2f} mm and {:.1f} deg off before they land."
 )
 
 
@@ -136,8 +137,20 @@ def _fiber_lines(fibers: dict[str, Any]) -> list[str]:
     return [f"{text}: {remedy}."]
 
 
-def summary(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[str]:
-    """The verdict, what it rests on, and its margins."""
+def summary(
+    verdict: dict[str, Any],
+    front: FrontVerdict,
+    track: Track,
+    lag: dict[str, float],
+) -> list[str]:
+    """The verdict, what it rests on, and its margins.
+
+    Args:
+        verdict: The verdict.
+        front: Its part on the order of contact.
+        track: The drape.
+        lag: What the kinematic fidelity would miss, as a plan has it.
+    """
     names = labels(track)
     lines = failures(verdict, front, track)
     if not lines:
@@ -149,4 +162,7 @@ def summary(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list[
     share = verdict["laid"]["beside_mold_share"]
     if share:
         lines.append(f"{100 * share:.1f} % of the ply hangs beside the mold.")
-    return [*lines, EQUILIBRIUM if verdict["fidelity"] == "equilibrium" else KINEMATIC]
+    if verdict["fidelity"] == "kinematic":
+        return [*lines, KINEMATIC]
+    off = lag["largest_distance_mm"], lag["largest_angle_deg"]
+    return [*lines, EQUILIBRIUM.format(*off)]

@@ -136,7 +136,7 @@ def test_pads_over_the_edge_of_the_mold_are_named(tmp_path):
     assert not made.plan.verdict["good"]
     assert len(laid["pads_beside_mold"]) == 24
     assert 0.1 < laid["beside_mold_share"] < 0.3
-    words = " ".join(summary(made.plan.verdict, made.contact.front, made.plan.track))
+    words = " ".join(_summary(made))
     assert "24 cups" in words
     assert "beside the mold" in words
 
@@ -153,3 +153,9 @@ def test_a_hole_in_the_mold_vents(tmp_path):
     made = make_plan(mesh_scene(tmp_path, (0.8, 1.0), hole), EXAMPLES, "test")
     assert made.plan.verdict["good"]
     assert 0 < made.plan.verdict["laid"]["beside_mold_share"] < 0.01
+
+
+def _summary(made):
+    plan = made.plan
+    lag = plan.document["kinematic_lag"]
+    return summary(plan.verdict, made.contact.front, plan.track, lag)

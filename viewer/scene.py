@@ -47,7 +47,12 @@ def view_of(plan: Plan) -> PlanView:
             f"Ply model {plan.verdict['ply_model']['model']}, "
             f"fidelity {plan.verdict['fidelity']}, {robot.columns} x {robot.rows} cups"
         ),
-        verdict=summary(plan.verdict, plan.judged[1].front, track),
+        verdict=summary(
+            plan.verdict,
+            plan.judged[1].front,
+            track,
+            plan.document["kinematic_lag"],
+        ),
         good=bool(plan.verdict["good"]),
         mold_vertices=vertices,
         mold_faces=faces,
