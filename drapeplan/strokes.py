@@ -30,6 +30,7 @@ DAMPING = 1e-6  # [-] keeps the Hessian definite
 TRUST = 0.15  # [rad], [m] longest step of one linearization
 STEPS = 20  # most linearizations
 SETTLED = 1e-9  # [rad], [m] step at which the iteration has settled
+CREEP = 1e-5  # [rad], [m] step that is not worth another one where all rows hold
 PATIENCE = 4  # linearizations without a better residual that make a stall
 BETTER = 0.9  # [-] share of the best residual that counts as better
 
@@ -200,7 +201,8 @@ class StrokeSolver:
                 status = StrokeStatus.INFEASIBLE
                 break
             q[columns] += solution.x
-            if np.abs(solution.x).max() < SETTLED:
+            moved = np.abs(solution.x).max()
+            if moved < SETTLED or (moved < CREEP and residual < SETTLED):
                 break
         judged = self.judge(q, step.request, status, programs)
         excess = judged.chord_excess.max(initial=0.0)
