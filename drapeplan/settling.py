@@ -29,6 +29,7 @@ Mask = NDArray[np.bool_]
 
 GIVEN = ("pick", "release", "retreat")  # phases with the cups on a table or let go
 ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is well
+DEEPER = 0.01e-3  # [m] ply that is deeper than believed by more is corrected again
 LEVEL = 1e-9  # [-] change of gravity's direction in the tool frame that is none
 
 
@@ -173,13 +174,14 @@ class _Walk:
         settled = self._rest(k, q, fixed, stability=not self.lead)
         believed, iterations = 0.0, settled.iterations
         if self.lead and not fixed.all():
-            low = None
+            low = self.ply.low(self._poses(settled.q), fixed)
             for _ in range(ROUNDS):
-                settled, believed = self._improve(k, settled, fixed, room, low)
+                settled, believed, depth = self._improve(k, settled, fixed, room, low)
                 iterations += settled.iterations
                 poses = self._poses(settled.q)
                 low = self.ply.low(poses, fixed)
-                deep = low[1].size and low[1][0] < -DEPTH
+                lowest = low[1].min(initial=0.0)
+                deep = lowest < min(-DEPTH, depth - DEEPER)
                 if not (deep or self.strokes.overlong(poses) > 0):
                     break
         self.settled = settled
@@ -196,15 +198,20 @@ class _Walk:
         settled: Settled,
         fixed: Mask,
         room: tuple[Array, Array],
-        low: tuple[NDArray[np.int64], Array] | None = None,
-    ) -> tuple[Settled, float]:
-        """One correction of the strokes; the settled result and the belief's error."""
+        low: tuple[NDArray[np.int64], Array],
+    ) -> tuple[Settled, float, float]:
+        """One correction of the strokes.
+
+        Returns:
+            The settled result, the error of what was believed of the cups, and how low
+            the ply was believed to be, [m].
+        """
         stroke = self.columns[~fixed, STROKE]
         response = self.tool.sensitivities(settled, fixed)
         poses = self._poses(settled.q)
         now = settled.q[stroke]
         rows = None
-        if low is not None:
+        if low[1].size:
             motion = response.position, response.rotation
             rows = self.ply.slopes(poses, low[0], motion), low[1]
         x = self.strokes.correction(
@@ -220,7 +227,8 @@ class _Walk:
         found = self._rest(k, q, fixed, warm=settled)
         believed = poses[0] + response.position @ x
         error = np.linalg.norm(self._poses(found.q)[0] - believed, axis=-1)
-        return found, float(error.max())
+        depth = (rows[1] + rows[0] @ x).min() if rows else 0.0
+        return found, float(error.max()), float(depth)
 
     def _rest(
         self,
