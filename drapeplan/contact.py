@@ -66,8 +66,7 @@ def ply_over_mold(
     if fibers is None:
         fibers = held_fibers(cell, positions, rotations, model)
     points = held_points(cell, fibers, positions, rotations, model)
-    over = cell.mold.inside(points[..., 0], points[..., 1])
-    return points, np.where(over, cell.mold.gap(points), FAR)
+    return points, cell.mold.gap(points, beside=FAR)
 
 
 def judge_contact(

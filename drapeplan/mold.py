@@ -1,6 +1,8 @@
 """The mold as planning asks for it: a spline over a height grid that is filled once."""
 
+import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Self
 
 import numba
@@ -11,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from drapeplan.errors import InputError
+from drapeplan.gap_table import GapTable
 from drapeplan.mesh import Faces, check_size, look_down, read_mesh
 from drapeplan.surfaces import AbstractSurface, Array, Field, Mask
 
@@ -21,6 +24,8 @@ RUN_IN = 16  # [-] nodes over which the spline's end condition dies out, 0.27 ea
 INSET = 1e-6  # [m] outermost rays stay this far within the mesh's outline
 ON_NODE = 1e-6  # [-] share of a step within which a point counts as on a node
 DIGITS = 9  # decimals of all lengths in [m]: files hold the grid exactly
+TABLE_ERROR = 1e-6  # [m] of the heights that gaps are read from
+MOST_REFINED = 8  # [-] steps of those for one of the grid
 MOST_NODES = 4_000_000  # a finer grid costs more than any plan gains
 
 
@@ -162,18 +167,50 @@ class HeightGrid(AbstractSurface):
         out = _evaluate(self._coefficients, self._lattice, x.ravel(), y.ravel())
         return out[0].reshape(x.shape), out[1].reshape(x.shape), out[2].reshape(x.shape)
 
-    def gap(self, points: ArrayLike) -> Array:
+    @cached_property
+    def table(self) -> GapTable:
+        """What gaps are read from: heights and slopes as close as their error asks."""
+        table = self._table(1)
+        ratio = self._error(table) / TABLE_ERROR
+        if ratio <= 1:
+            return table
+        most = min(MOST_REFINED, math.isqrt(MOST_NODES // self.heights.size))
+        finer = math.ceil(ratio ** (1 / 3) + ON_NODE)  # errors fall by its third power
+        return self._table(max(1, min(finer, most)))
+
+    def _table(self, refine: int) -> GapTable:
+        """Nodes at the steps of the grid, divided by a whole number."""
+        nx, ny = ((n - 1) * refine + 1 for n in self.heights.shape)
+        step = self.step[0] / refine, self.step[1] / refine
+        x = self.origin[0] + step[0] * np.arange(nx)
+        y = self.origin[1] + step[1] * np.arange(ny)
+        x, y = np.broadcast_arrays(x[:, None], y)
+        nodes = np.stack(self.evaluate(x, y), axis=-1)
+        return GapTable(self.origin, step, nodes, self.inside(x, y))
+
+    def _error(self, table: GapTable) -> float:
+        """Largest error of the table's heights where they err most, in [m]."""
+        i, j = np.nonzero(table.covered)
+        worst = 0.0
+        for a, b in ((0.2, 0.2), (0.2, 0.8), (0.8, 0.2), (0.8, 0.8)):
+            x = self.origin[0] + table.step[0] * (i + a)
+            y = self.origin[1] + table.step[1] * (j + b)
+            points = np.stack([x, y, self.height(x, y)], axis=-1)
+            on = np.abs(table.gap(points, beside=0.0))
+            worst = max(worst, float(on.max(initial=0.0)))
+        return worst
+
+    def gap(self, points: ArrayLike, beside: float | None = None) -> Array:
         """Signed distances to first order, as for any surface, in one pass.
 
         Args:
             points: Points in the mold frame, shape (..., 3), in [m].
+            beside: The answer beside the mold; None goes on with the surface there.
 
         Returns:
             Distances, shape (...), positive above the mold, in [m].
         """
-        points = np.asarray(points, float)
-        flat = np.ascontiguousarray(points.reshape(-1, 3))
-        return _gap(self._coefficients, self._lattice, flat).reshape(points.shape[:-1])
+        return self.table.gap(np.asarray(points, float), beside)
 
 
 def _lattice(
@@ -283,14 +320,4 @@ def _evaluate(coefficients, lattice, x, y):  # type: ignore[no-untyped-def]  # n
     out = np.empty((3, x.size))
     for k in range(x.size):
         out[0, k], out[1, k], out[2, k] = _spline(coefficients, lattice, x[k], y[k])
-    return out
-
-
-@numba.njit(cache=True)
-def _gap(coefficients, lattice, points):  # type: ignore[no-untyped-def]  # numba
-    """First-order signed distances of points of shape (n, 3), shape (n,)."""
-    out = np.empty(len(points))
-    for k in range(len(points)):
-        z, zx, zy = _spline(coefficients, lattice, points[k, 0], points[k, 1])
-        out[k] = (points[k, 2] - z) / np.sqrt(1 + zx * zx + zy * zy)
     return out

@@ -14,6 +14,8 @@ from drapeplan.surfaces import KinDrape, Paraboloid, Ridge, Sphere, Step
 
 HEIGHT = 3e-9  # [m] the spline at 5 mm, rounding of its heights included
 SLOPE = 2e-6  # [-] its slope; rounding 1e-9 m over 5 mm is a tenth of that
+CONTACT = 2e-6  # [m] gaps near contact: a hundredth of what the front check resolves
+COSINE = 2e-5  # [-] of a far gap: the slope between the nodes
 STEP = 1e-6  # [m] of central differences
 MOLDS = Path(__file__).parents[1] / "examples" / "molds"
 
@@ -92,7 +94,64 @@ def test_gap_agrees_with_its_definition():
     surface, (x, y) = Sphere(1.0), places(half_x=0.3, half_y=0.3)
     grid = HeightGrid.from_surface(surface, 0.3, 0.3)
     points = np.stack([x, y, np.linspace(-0.5, 0.5, x.size)], axis=-1)
-    assert_allclose(grid.gap(points), surface.gap(points), atol=1e-6)
+    assert_allclose(grid.gap(points), surface.gap(points), rtol=COSINE, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        Sphere(1.0),
+        Paraboloid(-0.5, 0.5),
+        KinDrape(0.3, 1.0),
+        Ridge(0.015, 0.05),
+        Step(),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("step", [0.005, 0.008])
+def test_gaps_near_contact_are_the_surface_s(surface, step):
+    x, y = places()
+    points = surface.point(x, y)
+    points[:, 2] += np.linspace(-2e-3, 2e-3, x.size)
+    grid = HeightGrid.from_surface(surface, 0.4, 0.5, step)
+    assert_allclose(grid.gap(points), surface.gap(points), atol=CONTACT)
+
+
+def test_gaps_of_a_coarse_mesh_are_the_spline_s():
+    """Slopes turn over one step at the edges between facets of 100 mm."""
+    grid = HeightGrid.from_mesh(*mesh_of(Sphere(0.7), 0.3, 7))
+    x, y = places(half_x=0.28, half_y=0.28)
+    points = np.stack([x, y, grid.height(x, y) + 1e-3], axis=-1)
+    _, zx, zy = grid.evaluate(x, y)
+    expected = 1e-3 / np.sqrt(1 + zx**2 + zy**2)
+    assert_allclose(grid.gap(points), expected, atol=CONTACT)
+
+
+def test_gap_beside_the_mold_is_what_one_asks_for():
+    """In the same pass, and by the same rule as `inside`; nodes and edges included."""
+    grid = HeightGrid.from_mesh(*mesh_of(Sphere(0.7), 0.1, 31, hole=0.02))
+    (x0, y0), (hx, hy) = grid.origin, grid.step
+    i, j = np.indices(grid.covered.shape) + 0.0
+    shift = np.random.default_rng(0).uniform(0, 1, (2, *i.shape))
+    for a, b in (
+        (i, j),
+        (i + shift[0], j),
+        (i, j + shift[1]),
+        (i + shift[0], j + shift[1]),
+    ):
+        x, y = x0 + hx * a, y0 + hy * b
+        points = np.stack([x, y, 0.1 + 0 * x], axis=-1)
+        over = grid.inside(x, y)
+        expected = np.where(over, grid.gap(points), 7.0)
+        assert 0.1 < over.mean() < 0.9
+        assert_array_equal(grid.gap(points, beside=7.0), expected)
+
+
+def test_gap_goes_on_straight_beyond_the_nodes():
+    grid = HeightGrid.from_surface(Paraboloid(1.2, -0.8), 0.1, 0.12)
+    x, y = places(500, 0.4, 0.4)
+    points = np.stack([x, y, grid.height(x, y)], axis=-1)
+    assert_allclose(grid.gap(points), 0.0, atol=CONTACT)
 
 
 def test_inside_respects_the_rectangle_and_the_surface():
