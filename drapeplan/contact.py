@@ -69,6 +69,37 @@ def ply_over_mold(
     return points, cell.mold.gap(points, beside=FAR)
 
 
+def front_grid(cell: Cell, start_cup: int, beside: NDArray[np.bool_]) -> FrontGrid:
+    """The cell's samples as the front check asks for them.
+
+    Args:
+        cell: Robot, mold and ply.
+        start_cup: Index of the cup placed first.
+        beside: Samples that hang beside the mold in the laid state, shape (nt, ns).
+    """
+    sampling = cell.sampling
+    return FrontGrid(
+        sampling.s,
+        sampling.t,
+        sampling.cup_index,
+        sampling.cups_around,
+        cell.grid.columns,
+        start_cup,
+        beside,
+    )
+
+
+def front_tolerance(cell: Cell) -> Tolerance:
+    """Tolerances of the scene."""
+    limits = cell.scene.tolerance
+    return Tolerance(
+        limits.touch_mm * 1e-3,
+        limits.barrier_mm * 1e-3,
+        limits.penetration_mm * 1e-3,
+        limits.pad_penetration_mm * 1e-3,
+    )
+
+
 def judge_contact(
     cell: Cell,
     sequence: Sequence,
@@ -88,24 +119,8 @@ def judge_contact(
     choice, fibers = choose_ply(cell, *poses)
     points, gap = ply_over_mold(cell, *poses, choice.model, fibers)
     beside = gap[-1] >= FAR
-    sampling = cell.sampling
-    samples = FrontGrid(
-        sampling.s,
-        sampling.t,
-        sampling.cup_index,
-        sampling.cups_around,
-        cell.grid.columns,
-        sequence.index(sequence.start_cup),
-        beside,
-    )
-    limits = cell.scene.tolerance
-    tolerance = Tolerance(
-        limits.touch_mm * 1e-3,
-        limits.barrier_mm * 1e-3,
-        limits.penetration_mm * 1e-3,
-        limits.pad_penetration_mm * 1e-3,
-    )
+    samples = front_grid(cell, sequence.index(sequence.start_cup), beside)
     final = np.where(beside, 0.0, gap[-1])
     seen = np.where(beside, HIGH, np.minimum(gap, HIGH))
-    front = check_front(seen, final, samples, placed, landing, tolerance)
+    front = check_front(seen, final, samples, placed, landing, front_tolerance(cell))
     return Contact(points, gap, beside, front, choice, fibers)
