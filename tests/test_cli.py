@@ -159,7 +159,9 @@ def test_border_ring_first_names_interlink_and_air_pocket(drapeplan, tmp_path):
 
 def test_hover_too_low_over_a_bowl_penetrates(drapeplan, write_scene, tmp_path):
     scene = write_scene(
-        mold={"surface": BOWL}, path={"family": "hover", "height_mm": 5.0}
+        mold={"surface": BOWL},
+        path={"family": "hover", "height_mm": 5.0},
+        fidelity="kinematic",
     )
     output = tmp_path / "plan.json"
     ended = drapeplan("plan", scene, "-o", output)
@@ -402,7 +404,8 @@ def test_ply_hung_from_its_corner_cup(drapeplan, write_scene, tmp_path, warp_deg
         np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ corner
     )
     placement = {"cup": [0, 0], "mold_point_m": [float(x), float(y)]}
-    scene = write_scene(placement={**placement, "warp_deg": warp_deg})
+    placement["warp_deg"] = warp_deg
+    scene = write_scene(placement=placement, fidelity="kinematic")
     output = tmp_path / "plan.json"
     ended = drapeplan("plan", scene, "-o", output)
     assert (ended.code, ended.err) == (0, "")

@@ -9,6 +9,9 @@ from drapeplan.scene import scene_from
 from drapeplan.words import summary
 from tests.plans import BOWL, EXAMPLES, panel, scene, stages
 
+FAST = "kinematic"  # three times faster, where passive joints do not matter
+    "kinematic"  # fidelity where the passive joints do not matter: three times faster
+)
 GENTLE = {"family": "rectangle_blend", "lift_per_m": 0.35}
 
 
@@ -75,7 +78,8 @@ def test_ply_beside_the_mold_meets_nothing(convex):
 
 
 def test_fibers_outside_the_take_up_are_named():
-    made = make_plan(scene(BOWL, path=GENTLE), EXAMPLES, "test")
+    asked = scene(BOWL, path=GENTLE, fidelity=FAST)
+    made = make_plan(asked, EXAMPLES, "test")
     fibers = made.plan.verdict["fibers"]
     assert not made.plan.verdict["good"]
     assert fibers["infeasible"]
@@ -95,7 +99,7 @@ def test_steps_carry_the_least_margins():
 
 
 def test_a_ply_picked_where_the_mold_stands_is_refused():
-    near = scene(pick={"position_m": [0.4, 0.4, 0.2], "yaw_deg": 0})
+    near = scene(pick={"position_m": [0.4, 0.4, 0.2], "yaw_deg": 0}, fidelity=FAST)
     verdict = make_plan(near, EXAMPLES, "test").plan.verdict
     assert not verdict["front"]["starts_free"]
     assert not verdict["good"]
@@ -105,7 +109,7 @@ def test_a_ply_picked_where_the_mold_stands_is_refused():
 def test_a_ply_that_does_not_lie_on_the_mold_is_not_good(height):
     """A narrow ridge or groove between two columns of cups."""
     surface = {"kind": "ridge", "height_mm": height, "sigma_mm": 12, "offset_mm": 0}
-    narrow = scene(surface, fidelity="kinematic")
+    narrow = scene(surface, fidelity=FAST)
     verdict = make_plan(narrow, EXAMPLES, "test").plan.verdict
     assert verdict["front"]["passed"]
     assert not verdict["laid"]["good"]
@@ -127,7 +131,8 @@ def mesh_scene(folder, size, hole=None):
     path = folder / "mold.stl"
     trimesh.Trimesh(grid, faces, process=False).export(path)
     mold = {"mesh": {"path": str(path), "unit": "m"}}
-    return scene_from({"format": "drapeplan-scene/1", "mold": mold}, "test")
+    data = {"format": "drapeplan-scene/1", "mold": mold, "fidelity": FAST}
+    return scene_from(data, "test")
 
 
 def test_pads_over_the_edge_of_the_mold_are_named(tmp_path):

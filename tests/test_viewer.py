@@ -188,7 +188,7 @@ def test_drawn_mold_lies_on_its_grid():
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
     mold = {"surface": {"kind": "paraboloid", "radius_x_m": 1.2, "radius_y_m": 2.5}}
-    data = {"format": "drapeplan-scene/1", "mold": mold}
+    data = {"format": "drapeplan-scene/1", "mold": mold, "fidelity": "kinematic"}
     folder = tmp_path_factory.mktemp("plan")
     return make_plan(scene_from(data, "test"), folder, "test").plan
 
