@@ -10,8 +10,6 @@ from drapeplan.words import summary
 from tests.plans import BOWL, EXAMPLES, panel, scene, stages
 
 FAST = "kinematic"  # three times faster, where passive joints do not matter
-    "kinematic"  # fidelity where the passive joints do not matter: three times faster
-)
 GENTLE = {"family": "rectangle_blend", "lift_per_m": 0.35}
 
 
