@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
 from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
+from drapeplan.frames import rotation_vectors
 from drapeplan.legs import cup_poses
 from drapeplan.settling import GIVEN, LEVEL, tool_physics
 from drapeplan.track import Track
 
 Array = NDArray[np.float64]
 
-AT_REST = 1e-6  # [m] largest move of a cup that is let go: joints are rounded
+AT_REST = 1e-6  # [m] largest move of a held square let go: joints are rounded
 DIGITS = 6  # decimals of a stiffness: what Newton's tolerance leaves
 
 
@@ -27,8 +28,8 @@ def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
         track: The drape.
 
     Returns:
-        Plain data: whether all waypoints are at stable rest, how far the worst cup
-        moves, the least stiffness of the tool, and the waypoints of both.
+        Plain data: whether all waypoints are at stable rest, the least stiffness of
+        the tool with its waypoint, and the waypoint that moves most, if any does.
     """
     tool = Equilibrium(cell.robot, tool_physics(cell))
     columns, fixed = cell.robot.leg_columns, track.placed
@@ -39,7 +40,8 @@ def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
             continue
         warm = tool.settle(track.q[k], fixed[k], warm)
         poses = cup_poses(cell.robot.geometry, track.tool[k], warm.q[columns])
-        moves[k] = np.linalg.norm(poses[0] - track.poses[0][k], axis=-1).max()
+        was = track.poses[0][k], track.poses[1][k]
+        moves[k] = _apart(poses, was, cell.robot.half_width)
         if warm.status != SettledStatus.SETTLED:
             moves[k] = np.inf
         if warm.least_eigenvalue is not None:
@@ -53,6 +55,15 @@ def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
         "softest_waypoint": softest,
         **({} if moves[worst] <= AT_REST else {"unsettled_waypoint": worst}),
     }
+
+
+def _apart(
+    poses: tuple[Array, Array], was: tuple[Array, Array], half_width: float
+) -> float:
+    """How far held squares are from where they were, at an edge, [m]."""
+    move = np.linalg.norm(poses[0] - was[0], axis=-1)
+    turn = np.linalg.norm(rotation_vectors(poses[1], was[1]), axis=-1)
+    return float((move + half_width * turn).max())
 
 
 def _rides(track: Track, k: int) -> bool:
