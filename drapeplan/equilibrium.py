@@ -109,6 +109,7 @@ class Equilibrium:
         warm: Settled | None = None,
         *,
         stability: bool = True,
+        leave: bool = True,
     ) -> Settled:
         """Let the passive coordinates of the free legs settle.
 
@@ -121,6 +122,7 @@ class Equilibrium:
             fixed: Legs whose coordinates stay, as those of placed cups, shape (n,).
             warm: Result of a pose nearby, whose forces and taut fibers are the start.
             stability: Whether to tell a stable equilibrium from a saddle.
+            leave: Whether to leave a saddle downhill; else it is the answer.
 
         Returns:
             The equilibrium, with its status.
@@ -131,6 +133,8 @@ class Equilibrium:
         rest = self._settler.settle(T, start, free)
         least = self._least(rest, free) if stability else None
         count = rest.iterations
+        if rest.found and not leave:
+            return self._result(q, rest, least, count)
         if not _good(rest, least) and warm is not None:
             whole, least_whole, more = self._in_parts(q, warm, free, stability)
             count += more

@@ -49,13 +49,13 @@ class UnsettledError(InfeasibleError):
         if moment == "wave":
             moment = f"wave step {self.step + 1}" if self.step >= 0 else "start cup"
         if settled.status == SettledStatus.SADDLE:
-            what = f"{moment}: the cups have no stable rest, the tool would flip"
-            excess = f"least stiffness {settled.least_eigenvalue:.3g} N m"
+            what = "the cups have no stable rest, the tool would flip"
+            figure = f"stiffness {settled.least_eigenvalue:.3g} N m/rad"
         else:
-            what = f"{moment}: no equilibrium of the tool was found"
-            excess = f"{settled.residual:.3g} N m out of balance"
+            what = "no rest of the tool was found"
+            figure = f"{settled.residual:.3g} N m out of balance"
         remedy = "a flatter mold, less lift, or a stiffer ply or tool would help"
-        super().__init__(what, excess, remedy)
+        super().__init__(f"{moment}: {what} ({figure})", "", remedy)
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class _Walk:
         room = self._room(k, fixed)
         stroke = columns[~fixed, STROKE]
         q[stroke] = np.clip(q[stroke], *room)
-        settled = self._rest(k, q, fixed, stability=not self.lead)
+        settled = self._rest(k, q, fixed, leave=False)
         believed, iterations = 0.0, settled.iterations
         if self.lead and not fixed.all():
             low = self.ply.low(self._poses(settled.q), fixed)
@@ -236,10 +236,10 @@ class _Walk:
         q: Array,
         fixed: Mask,
         warm: Settled | None = None,
-        stability: bool = True,
+        leave: bool = True,
     ) -> Settled:
         warm = warm or self.settled
-        settled = self.tool.settle(q, fixed, warm, stability=stability)
+        settled = self.tool.settle(q, fixed, warm, leave=leave)
         if settled.status != SettledStatus.SETTLED:
             raise UnsettledError(self.path, k, settled)
         return settled
