@@ -16,6 +16,7 @@ from drapeplan.plan import Plan
 from drapeplan.planner import cup_targets, make_plan, make_track, request_wave
 from drapeplan.scene import read_scene
 from drapeplan.sequence import make_sequence
+from drapeplan.settling import settle_path
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SCENES = ("panel", "kindrape", "saddle")
@@ -53,7 +54,8 @@ def _stages(name: str) -> dict:
     start_cup = sequence.index(sequence.start_cup)
     full = timed("path", plan_path, cell, targets, wave, start_cup)
     motion = timed("strokes", follow, cell, full)
-    track = make_track(cell, full, motion)
+    settled = timed("equilibrium", settle_path, cell, full, motion)
+    track = make_track(cell, full, settled.motion)
     timed("verdict", judge, cell, sequence, outcome.plan.targets, track)
     timed("check", check_plan, Plan(outcome.plan.document))
     programs = int(motion.programs.sum())
