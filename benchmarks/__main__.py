@@ -37,12 +37,17 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def table(result: dict) -> list[str]:
-    """Lines of a result, one figure each."""
+def table(result: dict, indent: str = "  ") -> list[str]:
+    """Lines of a result, one figure each; what is nested comes after, further in."""
     figures = {k: v for k, v in result.items() if not isinstance(v, (dict, list))}
     width = max(map(len, figures), default=0)
-    lines = [f"  {key:<{width}}  {_figure(value)}" for key, value in figures.items()]
-    return lines + [line for v in result.values() if isinstance(v, list) for line in v]
+    lines = [f"{indent}{k:<{width}}  {_figure(v)}" for k, v in figures.items()]
+    for key, value in result.items():
+        if isinstance(value, dict):
+            lines += [f"{indent}{key}", *table(value, indent + "  ")]
+        elif isinstance(value, list):
+            lines += [f"{indent}{line}" for line in value]
+    return lines
 
 
 def _figure(value: object) -> str:
