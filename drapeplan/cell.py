@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from drapeplan.errors import InputError
 from drapeplan.frames import pose, rpy
 from drapeplan.mold import HeightGrid, check_size, read_mesh
+from drapeplan.overhang import mold_from_data, mold_of
 from drapeplan.robot import Robot, arm_description
 from drapeplan.scene import (
     CylinderSurface,
@@ -51,7 +53,7 @@ class Sources:
     arm_urdf: str
     tool_urdf: str
     tool_sidecar: str
-    mold: dict[str, object]
+    mold: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Cell:
         scene: The scene.
         sources: What the objects were built from.
         robot: Arm and tool.
-        mold: Height grid of the mold in its own frame.
+        mold: Mold in its own frame: what is seen from above, and distances to it.
         world_mold: Placement of the mold frame in the world, shape (4, 4).
         grid: Rows, columns, pitch and half width of the tool.
         sampling: Material points at which the ply is evaluated.
@@ -98,8 +100,7 @@ def read_sources(scene: Scene, folder: Path) -> Sources:
     except InputError as error:
         source = names.get(error.source, error.source)
         raise InputError(source, error.key, error.problem, error.remedy) from error
-    mold = _fill(scene, robot, folder)
-    return Sources(arm_urdf, tool_urdf, sidecar, mold.to_data())
+    return Sources(arm_urdf, tool_urdf, sidecar, _fill(scene, robot, folder))
 
 
 def build_cell(scene: Scene, sources: Sources) -> Cell:
@@ -122,7 +123,7 @@ def build_cell(scene: Scene, sources: Sources) -> Cell:
         scene,
         sources,
         robot,
-        HeightGrid.from_data(sources.mold),
+        mold_from_data(sources.mold),
         pose(rpy(np.radians(scene.mold.rotation_deg)), scene.mold.position_m),
         grid,
         sampling,
@@ -148,17 +149,28 @@ def _beside(folder: Path, path: str | None) -> Path:
     return folder / (path or "")
 
 
-def _fill(scene: Scene, robot: Robot, folder: Path) -> HeightGrid:
-    """The mold's height grid, filled once."""
+def _fill(scene: Scene, robot: Robot, folder: Path) -> dict[str, Any]:
+    """The mold as data, and what was chosen for it and why where it is a mesh."""
     mesh = scene.mold.mesh
     if mesh is None:
-        return fill_surface(scene, robot)
+        return fill_surface(scene, robot).to_data()
     path = _beside(folder, mesh.path)
     vertices, faces = read_mesh(path, mesh.unit)
     extent = np.ptp(vertices[:, :2], axis=0)
     needed_x, needed_y = _ply_size(scene, robot)
     check_size(extent, needed_x, needed_y, str(path), mesh.unit)
-    return HeightGrid.from_mesh(vertices, faces, scene.mold.grid_step_mm * 1e-3)
+    reach = max(robot.pitch - 2 * robot.half_width, scene.ply.overhang_mm * 1e-3)
+    half = _ply_size(scene, robot) / 2 + MARGIN
+    middle, warp = _ply_middle(scene, robot), np.radians(scene.placement.warp_deg)
+
+    def near(x: Array, y: Array) -> NDArray[np.bool_]:
+        s = np.cos(warp) * (x - middle[0]) + np.sin(warp) * (y - middle[1])
+        t = np.cos(warp) * (y - middle[1]) - np.sin(warp) * (x - middle[0])
+        return np.asarray((abs(s) <= half[0]) & (abs(t) <= half[1]))
+
+    step = scene.mold.grid_step_mm * 1e-3
+    mold, chosen = mold_of(vertices, faces, step, near, reach)
+    return {**mold.to_data(), "chosen": chosen}
 
 
 def fill_surface(scene: Scene, robot: Robot) -> HeightGrid:

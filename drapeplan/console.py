@@ -140,6 +140,7 @@ def show_verdict(
         f"{fibers['longest_need_mm']:+.2f} mm of a take-up of "
         f"{fibers['take_up_mm']:g} mm."
     )
+    print(f"  Mold: {verdict['mold']}.")
     for line in ply_sentences(verdict["ply_model"]):
         print(f"  {line}")
     for line in arm_lines(verdict["arm"]):

@@ -62,6 +62,7 @@ def judge(
         and contact.front.starts_free
         and all(part["good"] is not False for part in parts.values()),
         "fidelity": cell.scene.fidelity,
+        "mold": cell.sources.mold.get("chosen", "height field"),
         "ply_model": contact.choice.to_dict(),
         **parts,
         "steps": _steps(track, contact.front, sequence, span),

@@ -1,6 +1,6 @@
 """Makes the example molds: `python examples/molds/make_molds.py [folder]`.
 
-Both are open surfaces in millimeters, z up, with the mold's origin at the middle.
+All are open surfaces in millimeters, z up, with the mold's origin at the middle.
 """
 
 import sys
@@ -23,7 +23,8 @@ def height_field(x: Array, y: Array, z: Array) -> trimesh.Trimesh:
     """Two triangles for each cell of a grid, normals up.
 
     Args:
-        x: Grid lines along x, shape (nx,), in [m].
+        x: Grid lines along x, shape (nx,), in [m]; where they run back, the mesh
+            goes on under itself.
         y: Grid lines along y, shape (ny,), in [m].
         z: Heights, shape (nx, ny), in [m].
 
@@ -51,7 +52,24 @@ def make_kindrape() -> trimesh.Trimesh:
     return height_field(line, line, surface.height(line[:, None], line[None, :]))
 
 
-MOLDS = {"panel.stl": make_panel, "kindrape.stl": make_kindrape}
+def make_channel() -> trimesh.Trimesh:
+    """Panel with a dovetail channel along y: 40 mm open, 56 mm wide 25 mm below."""
+    y = np.linspace(-0.5, 0.5, 51)
+    land, floor = np.linspace(0.02, 0.4, 49), np.linspace(-0.028, 0.028, 8)
+    wall = np.linspace(0.02, 0.028, 6)[1:-1]
+    depth = 0.025 * (wall - 0.02) / 0.008
+    x = np.concatenate([-land[::-1], -wall, floor, wall[::-1], land])
+    flat, deep = np.zeros(49), np.full(8, 0.025)
+    below = np.concatenate([flat, depth, deep, depth[::-1], flat])
+    z = panel_height(x[:, None], y[None, :]) - below[:, None]
+    return height_field(x, y, z)
+
+
+MOLDS = {
+    "panel.stl": make_panel,
+    "kindrape.stl": make_kindrape,
+    "channel.stl": make_channel,
+}
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent)
