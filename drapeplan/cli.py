@@ -133,35 +133,29 @@ def plan(
 
 
 @app.command()
-def check(plan_file: PlanFile, figure: Figure = None, as_json: Json = False) -> int:
+def check(
+    plan_file: PlanFile,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", help="First touch, or with --robustness the tornado."),
+    ] = None,
+    robustness: Annotated[
+        int | None, typer.Option(help="Samples under the scene's uncertainty.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the samples.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes for them.")] = None,
+    depth: Annotated[
+        str, typer.Option(help="poses: errors on cup poses; tool: settled anew.")
+    ] = "poses",
+    as_json: Json = False,
+) -> int:
     """Recompute a plan from its file alone and say what does not hold."""
-    from drapeplan.check import check_plan
-    from drapeplan.plan import Plan
-    from drapeplan.words import summary
+    from drapeplan.commands_check import Doubt, check_command
 
-    if figure:
-        check_outputs([figure], [plan_file])
-    result = Plan.read(plan_file)
-    found = check_plan(result)
-    lines = [
-        *(f"broken: {line}" for line in found.broken),
-        *(f"differs: {line}" for line in found.differing),
-        *(f"violated: {line}" for line in found.violated),
-    ]
-    if found.verdict and figure:
-        draw_first_touch(figure, result, result.judged[1], plan_file.stem)
-    if as_json:
-        document = {"good": found.passed, "broken": found.broken}
-        document |= {"differing": found.differing, "violated": found.violated}
-        print(json.dumps({**document, "verdict": found.verdict}))
-        return 0 if found.passed else 1
-    print(*lines, sep="\n", end="\n" if lines else "")
-    if found.passed:
-        print(f"{plan_file}: holds; everything recomputed agrees.")
-        front, lag = result.judged[1].front, result.document["kinematic_lag"]
-        facts = summary(found.verdict, front, result.track, lag)
-        show_verdict(found.verdict, facts, False)
-    return 0 if found.passed else 1
+    doubt = None
+    if robustness is not None:
+        doubt = Doubt(robustness, seed, workers, depth)
+    return check_command(plan_file, figure, doubt, as_json)
 
 
 @app.command()

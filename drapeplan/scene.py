@@ -165,7 +165,7 @@ class MoldSection(Section):
         return self
 
 
-LATER = "recorded in the plan, not used yet"
+SAMPLES = "of the samples of check --robustness"
 MODEL = "shape between the cups; auto: the cheapest within tolerance.shape_mm"
 LEFT_OUT = "change of the ply's shape that need not be modeled"
 
@@ -246,6 +246,25 @@ class LeadSection(Section):
     toe_up_deg: Annotated[float, Field(ge=0, le=10)] = 0.5
 
 
+Spread = Annotated[float, Field(ge=0, le=20)]  # [mm], [deg] standard deviation
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class UncertaintySection(Section):
+    """What is not known: standard deviations, and what presses back."""
+
+    position_mm: Spread = 0.3
+    angle_deg: Spread = 0.5
+    redrawn_share: Share = 0.0
+    tilt_deg: Spread = 0.2
+    take_up_share: Share = 0.1
+    stiffness_log: Share = 0.2
+    mold_xy_mm: Spread = 0.3
+    mold_z_mm: Spread = 0.2
+    mold_yaw_deg: Spread = 0.05
+    press_N_per_mm: Annotated[float, Field(gt=0, le=1000)] = 2.0
+
+
 class ToleranceSection(Section):
     """What counts as touching, as a barrier, and as penetration."""
 
@@ -273,8 +292,9 @@ class Scene(Section):
     motion: MotionSection = MotionSection()
     tolerance: ToleranceSection = ToleranceSection()
     lead: LeadSection = LeadSection()
+    uncertainty: UncertaintySection = UncertaintySection()
     fidelity: Literal["equilibrium", "kinematic"] = "equilibrium"
-    seed: Annotated[int, Field(ge=0, description=LATER)] = 0
+    seed: Annotated[int, Field(ge=0, description=SAMPLES)] = 0
 
 
 def read_scene(path: Path) -> Scene:

@@ -33,7 +33,11 @@ HOMES = {
     "umsgpack": {"viewer.objects"},  # meshcat's message format
     "typer": {"drapeplan.cli"},
     "rich": {"drapeplan.console"},
-    "matplotlib": {"drapeplan.report", "drapeplan.report_validate"},
+    "matplotlib": {
+        *("drapeplan.report", "drapeplan.report_validate"),
+        "drapeplan.report_robustness",
+    },
+    "joblib": {"drapeplan.robustness"},
 }
 BY_NAME = {  # dependencies that no import shows
     "example-robot-data": "urdf.arm",  # data, found through package metadata

@@ -1,0 +1,78 @@
+"""The tornado figure: what each uncertainty alone does to a plan."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drapeplan.files import write_bytes
+from drapeplan.robustness import CAP, Robustness
+from drapeplan.robustness_words import NAMES
+
+BLUE, RED, GRAY = "#4477aa", "#d62728", "#777777"
+BAR = 0.5  # [-] of a row's height
+STYLE = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+
+
+def tornado_figure(path: str | Path, found: Robustness, title: str) -> None:
+    """Draw margin and press depth under each parameter alone, as a PNG.
+
+    The same arguments give the same bytes; the file appears whole or not at all.
+
+    Args:
+        path: Where to write.
+        found: A plan under uncertainty, each parameter looked at alone.
+        title: Title of the figure.
+    """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        height = 1.8 + 0.4 * max(1, len(found.effects))
+        figure = Figure(figsize=(9.0, height), dpi=150, layout="constrained")
+        FigureCanvasAgg(figure)
+        margin, press = figure.subplots(1, 2, sharey=True)
+        low, high = found.interval
+        share = found.wrong / len(found.rollouts)
+        text = f"{title}: P(wrong order) = {share:.3f}, 95 % in {low:.3f} to {high:.3f}"
+        figure.suptitle(text, x=0.01, ha="left", fontsize=10, fontweight="bold")
+        _bars(margin, [one.margins for one in found.effects])
+        planned = min(found.planned.margin, CAP)
+        margin.axvline(1e3 * planned, color=GRAY, lw=1.0, label="planned")
+        margin.axvline(0.0, color=RED, lw=1.0, label="wrong order")
+        margin.set_xlabel(f"least margin (mm, {1e3 * CAP:g} where nothing threatens)")
+        _bars(press, [one.press for one in found.effects])
+        depth = max(found.planned.span_press, found.planned.pad_press)
+        press.axvline(1e3 * depth, color=GRAY, lw=1.0)
+        press.set_xlabel("press depth (mm)")
+        margin.set_xlim(right=1.05e3 * CAP)
+        press.set_xlim(left=0.0)
+        names = [f"{NAMES[e.parameter]}, P {e.wrong_share:.2f}" for e in found.effects]
+        margin.set_yticks(np.arange(len(names)), names)
+        margin.invert_yaxis()
+        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+        content = io.BytesIO()
+        figure.savefig(content, format="png", metadata={"Software": None})
+    write_bytes(Path(path), content.getvalue())
+
+
+def _bars(axes: Any, samples: list[Any]) -> None:
+    """A bar from the 5 % to the 95 % quantile of each row, its median marked."""
+    for row, values in enumerate(samples):
+        low, middle, high = 1e3 * np.quantile(values, (0.05, 0.5, 0.95))
+        first = row == 0 and axes.get_subplotspec().colspan.start == 0
+        label = "5 to 95 % of samples" if first else None
+        axes.barh(row, high - low, BAR, left=low, color=BLUE, alpha=0.6, label=label)
+        label = "median" if first else None
+        axes.plot([middle, middle], [row - BAR / 2, row + BAR / 2], color=BLUE, lw=2.5)
+        if label:
+            axes.plot([], [], color=BLUE, lw=2.5, label=label)
+    axes.grid(axis="x", color="#dddddd", lw=0.6)
+    axes.set_axisbelow(True)

@@ -1,0 +1,276 @@
+"""Rolling: one sample of a plan under noise, from its random numbers to its margins.
+
+A sample takes the plan's waypoints near the mold, gives the cups their errors, hangs
+the ply between them, and judges the order of contact as the plan itself is judged. What
+stays as planned: placed cups and the ply between them, the ply's model, and the laid
+state above which heights count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.cell import Cell
+from drapeplan.contact import FAR, HIGH
+from drapeplan.flood import air_margins, premature_margins
+from drapeplan.front_grid import FrontGrid
+from drapeplan.held_ply import PlyModel, held_points, outside_take_up, weight_on_mold
+from drapeplan.noise import Draw, LinkKeeper, Spread, registered, turned
+from drapeplan.resettle import Poses, Rests, StiffnessTable
+from drapeplan.verdict import Tolerance
+from ply.fiber import LengthStatus
+from ply.sag import with_sag
+from ply.shape import PlyFibers, ply_fibers
+from ply.weave import Sides
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Course:
+    """What all samples of a plan share; K waypoints near the mold.
+
+    Attributes:
+        rests: The waypoints, with the cell.
+        step: Wave step of each, 0 while the start cup lands, shape (K,).
+        steps: Number of steps, the start cup's included.
+        landing: Cups on their way down, shape (K, n).
+        keeper: Keeps the links' lengths; None where errors are independent.
+        grid: Samples of the ply.
+        laid: Samples whose cups are all placed, shape (K, nt, ns).
+        final_gap: Gap of the laid state, zero beside the mold, shape (nt, ns), in [m].
+        tolerance: What counts as touching, and as a barrier.
+        model: Ply model on which the plan's verdict rests.
+        bulges: Whether fibers outside the take-up bulge.
+        sides: Sides to which the plan's strips bulge.
+        far: Margins of the waypoints left out, premature and air, in [m].
+        table: Poses by stiffness; None where the plan knows no equilibrium, or where
+            each sample is settled anew.
+        settles: Whether each sample is settled anew.
+    """
+
+    rests: Rests
+    step: NDArray[np.int_]
+    steps: int
+    landing: Bools
+    keeper: LinkKeeper | None
+    grid: FrontGrid
+    laid: Bools
+    final_gap: Array
+    tolerance: Tolerance
+    model: PlyModel
+    bulges: bool
+    sides: Sides
+    far: tuple[float, float]
+    table: StiffnessTable | None = None
+    settles: bool = False
+
+    @property
+    def cell(self) -> Cell:
+        """Robot, mold and ply."""
+        return self.rests.cell
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What became of one sample.
+
+    Attributes:
+        premature: Least premature margin of each step, shape (steps,), in [m].
+        air: Least air margin of each step, shape (steps,), in [m].
+        span_press: How deep spans are pressed below the laid state, in [m].
+        pad_press: The same for pads, landing and placed, in [m].
+        link_error: Largest error of a link, in [m].
+        stable: Whether the tool has a stable rest; if not, the rest is the plan's.
+    """
+
+    premature: Array
+    air: Array
+    span_press: float
+    pad_press: float
+    link_error: float
+    stable: bool = True
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the ply touches in the wrong order, or has no rest at all."""
+        return not self.stable or self.margin <= 0
+
+    @property
+    def margin(self) -> float:
+        """Least margin, in [m]; infinite where nothing threatens."""
+        return float(min(self.premature.min(), self.air.min()))
+
+
+def roll(course: Course, sample: Draw, spread: Spread) -> Rollout:
+    """One sample of a plan.
+
+    Args:
+        course: The plan.
+        sample: Its random numbers.
+        spread: Size of the errors.
+    """
+    settled = _settled(course, sample, spread)
+    if settled is None:
+        lost = roll(course, sample, replace(Spread(), redrawn=spread.redrawn))
+        return replace(lost, stable=False)
+    poses, link_error = disturbed(course, settled, sample, spread)
+    h = _heights(course, poses, sample, spread)
+    return replace(_judged(course, h, sample, spread), link_error=link_error)
+
+
+def disturbed(
+    course: Course, planned: Poses, sample: Draw, spread: Spread
+) -> tuple[Poses, float]:
+    """Cup poses with errors, the links as long as they are.
+
+    Args:
+        course: The plan.
+        planned: Cup poses without errors.
+        sample: The random numbers.
+        spread: Size of the errors.
+
+    Returns:
+        The poses, and the largest error of a link that is left, in [m].
+    """
+    free = ~course.rests.fixed
+    rotations = turned(planned[1], free, sample, spread)
+    positions = planned[0] + spread.position * sample.position * free[..., None]
+    if course.keeper is None:
+        return (positions, rotations), 0.0
+    positions, error = course.keeper.keep(positions, rotations)
+    return (positions, rotations), error
+
+
+def _settled(course: Course, sample: Draw, spread: Spread) -> Poses | None:
+    """Where the cups rest on the sample's ply and mold."""
+    planned, off = course.rests.poses, spread.stiffness * sample.stiffness
+    moves = spread.has("registration")
+    if course.settles and (off or moves):
+
+        def real(points: Array) -> Array:
+            return registered(points, sample, spread)
+
+        return course.rests.settle(float(np.exp(off)), real if moves else None)
+    if course.table is None or off == 0:
+        return planned
+    return course.table.poses(planned, sample.stiffness)
+
+
+def _heights(course: Course, poses: Poses, sample: Draw, spread: Spread) -> Array:
+    """Heights above the laid state, shape (K, nt, ns), in [m]; zero where laid."""
+    points = _points(course, poses, sample, spread)
+    free = ~course.laid & ~course.grid.beside
+    h = np.where(course.laid, 0.0, HIGH)
+    final = np.broadcast_to(course.final_gap, h.shape)[free]
+    h[free] = np.minimum(_gap(course, points[free], sample, spread), HIGH) - final
+    return h
+
+
+def _gap(course: Course, points: Array, sample: Draw, spread: Spread) -> Array:
+    """Gaps to the mold as it stands, FAR beside it, shape (n,), in [m]."""
+    real = registered(points, sample, spread)
+    return course.cell.mold.gap(real, beside=FAR)
+
+
+def _points(course: Course, poses: Poses, sample: Draw, spread: Spread) -> Array:
+    """Ply of the sample, shape (K, nt, ns, 3), in [m]."""
+    cell = _with_ply(course.cell, sample, spread)
+    grid, ply = cell.sampling.grid, cell.scene.ply
+    take_up, model = ply.take_up_mm * 1e-3, course.model
+    fibers = ply_fibers(grid, *poses, model="cubic", take_up=take_up)
+    outside = outside_take_up(fibers) & course.bulges
+    points = np.empty((len(outside), *course.grid.cup_index.shape, 3))
+    for bulging in (False, True):
+        chosen = np.flatnonzero(outside == bulging)
+        if not chosen.size:
+            continue
+        part = poses[0][chosen], poses[1][chosen]
+        if bulging:
+            sides = Sides(course.sides.s[chosen], course.sides.t[chosen])
+            shaped = _bulging(cell, part, sides, model.gravity)
+        else:
+            shaped = ply_fibers(grid, *part, model="cubic", take_up=take_up)
+        if model.gravity:
+            load = weight_on_mold(cell), ply.bending_stiffness_Nm
+            shaped = with_sag(grid, shaped, part[1], *load)
+        points[chosen] = held_points(cell, shaped, *part, model)
+    return points
+
+
+def _with_ply(cell: Cell, sample: Draw, spread: Spread) -> Cell:
+    """The cell with the sample's take-up and bending stiffness."""
+    ply = cell.scene.ply
+    share = max(0.0, 1 + spread.take_up * sample.take_up)
+    factor = float(np.exp(spread.stiffness * sample.stiffness))
+    if share == 1 and factor == 1:
+        return cell
+    changed = {
+        "take_up_mm": share * ply.take_up_mm,
+        "bending_stiffness_Nm": factor * ply.bending_stiffness_Nm,
+    }
+    ply = ply.model_copy(update=changed)
+    return replace(cell, scene=cell.scene.model_copy(update={"ply": ply}))
+
+
+def _bulging(cell: Cell, poses: Poses, sides: Sides, gravity: bool) -> PlyFibers:
+    """Modal fibers; under gravity those alone that are outside the take-up."""
+    grid, ply = cell.sampling.grid, cell.scene.ply
+    take_up = ply.take_up_mm * 1e-3
+    free = ply_fibers(grid, *poses, model="modal", take_up=take_up, sides=sides)
+    if not gravity:
+        return free
+    heavy = ply_fibers(
+        grid,
+        *poses,
+        model="modal",
+        take_up=take_up,
+        sides=sides,
+        gravity=weight_on_mold(cell),
+        stiffness=ply.bending_stiffness_Nm,
+    )
+    s, t = (
+        np.where((band == LengthStatus.IN_BAND)[..., None, None], own, under)
+        for band, own, under in (
+            (free.s_band, free.s, heavy.s),
+            (free.t_band, free.t, heavy.t),
+        )
+    )
+    return replace(heavy, s=s, t=t)
+
+
+def _judged(course: Course, h: Array, sample: Draw, spread: Spread) -> Rollout:
+    """Margins and depths of heights above the laid state."""
+    grid, touch, barrier = course.grid, course.tolerance.touch, course.tolerance.barrier
+    early = premature_margins(h, grid.start_pad, touch, barrier).min(axis=(1, 2))
+    air = air_margins(h, touch, barrier, grid.vents).min(axis=(1, 2))
+    pads = grid.on_pads(course.landing)
+    spans, landing = ~course.laid & ~pads, ~course.laid & pads
+    by_step = np.full((2, course.steps), np.inf)
+    for margins, row, far in zip((early, air), by_step, course.far, strict=True):
+        np.minimum.at(row, course.step, margins)
+        row[0] = min(row[0], far)
+    return Rollout(
+        by_step[0],
+        by_step[1],
+        float(max(0.0, -h.min(where=spans, initial=0.0))),
+        max(
+            float(max(0.0, -h.min(where=landing, initial=0.0))),
+            _pushed(course, sample, spread),
+        ),
+        0.0,
+    )
+
+
+def _pushed(course: Course, sample: Draw, spread: Spread) -> float:
+    """How far the mold, higher than planned, pushes into placed pads, in [m]."""
+    if not spread.has("registration"):
+        return 0.0
+    positions = course.rests.poses[0][-1]
+    there = registered(positions, sample, spread)
+    mold = course.cell.mold
+    return float(max(0.0, (mold.gap(positions) - mold.gap(there)).max()))
