@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
-from drapeplan.front import check_front
 from drapeplan.front_grid import FrontGrid
 from drapeplan.held_ply import CUBIC, PlyModel, held_fibers, held_points
 from drapeplan.ply_choice import PlyChoice, choose_ply
+from drapeplan.refine import Stops, judge_between
 from drapeplan.sequence import Sequence
 from drapeplan.verdict import FrontVerdict, Tolerance
 from ply.shape import PlyFibers
@@ -109,6 +109,9 @@ def judge_contact(
 ) -> Contact:
     """Whether the material meets the mold outward from the start.
 
+    Between two poses cups go straight; there the ply is judged where a fault could
+    hide, and what it shows counts for the pose that follows.
+
     Args:
         cell: Robot, mold and ply.
         sequence: Gives the start cup.
@@ -121,6 +124,19 @@ def judge_contact(
     beside = gap[-1] >= FAR
     samples = front_grid(cell, sequence.index(sequence.start_cup), beside)
     final = np.where(beside, 0.0, gap[-1])
-    seen = np.where(beside, HIGH, np.minimum(gap, HIGH))
-    front = check_front(seen, final, samples, placed, landing, front_tolerance(cell))
+
+    def seen(gap: Array) -> Array:
+        return np.where(beside, HIGH, np.minimum(gap, HIGH))
+
+    def between(stops: Stops, new: NDArray[np.bool_]) -> Array:
+        if choice.model.name == "cubic":
+            return seen(ply_over_mold(cell, *stops.some(new).poses, choice.model)[1])
+        held = held_fibers(cell, *stops.poses, choice.model)  # sides go along the path
+        points = held_points(cell, held, *stops.poses, choice.model)[new]
+        return seen(cell.mold.gap(points, beside=FAR))
+
+    waypoints = Stops.at_waypoints(poses, placed, landing)
+    front = judge_between(
+        waypoints, seen(gap), final, samples, front_tolerance(cell), between
+    )
     return Contact(points, gap, beside, front, choice, fibers)

@@ -111,6 +111,7 @@ def check_front(
     placed: Bools,
     landing: Bools,
     tolerance: Tolerance | None = None,
+    measures: Floats | None = None,
 ) -> FrontVerdict:
     """Judge a path, pose by pose, from the gaps between ply and mold.
 
@@ -121,6 +122,7 @@ def check_front(
         placed: Cups that are placed in each pose, shape (K, n_cups).
         landing: Cups on their way down in each pose, shape (K, n_cups).
         tolerance: Tolerances of the check, or None for the defaults.
+        measures: What `pose_measures` says of the same, where a caller has it.
 
     Returns:
         The verdict, with margins and measures of each pose.
@@ -130,13 +132,13 @@ def check_front(
     """
     tolerance = tolerance or Tolerance()
     _check_inputs(gap, final_gap, grid, placed, landing)
+    if measures is None:
+        measures = pose_measures(gap, final_gap, grid, placed, landing, tolerance)
+    premature, air, span_depth, pad_depth, contact = measures
     laid = grid.laid(placed)
     stuck = laid & ~grid.beside
     h = heights(gap, final_gap, laid)
     pads = grid.on_pads(landing)
-    poses = zip(h, laid, pads, strict=True)
-    measures = np.array([_measures(*pose, grid, tolerance) for pose in poses]).T
-    premature, air, span_depth, pad_depth, contact = measures
     bad = (np.minimum(premature, air) <= 0) | (span_depth > tolerance.penetration)
     bad |= pad_depth > tolerance.pad_penetration
     early, pockets = np.zeros((2, *final_gap.shape), dtype=bool)
@@ -168,6 +170,36 @@ def check_front(
         premature_region=early,
         pocket_region=pockets,
     )
+
+
+def pose_measures(
+    gap: Floats,
+    final_gap: Floats,
+    grid: FrontGrid,
+    placed: Bools,
+    landing: Bools,
+    tolerance: Tolerance,
+) -> Floats:
+    """Both margins, both depths and the contact area of each pose.
+
+    Args:
+        gap: Signed ply-mold distances, shape (K, nt, ns), in [m].
+        final_gap: The same with all cups placed, shape (nt, ns), in [m].
+        grid: The ply's samples and their cups.
+        placed: Cups that are placed in each pose, shape (K, n_cups).
+        landing: Cups on their way down in each pose, shape (K, n_cups).
+        tolerance: Tolerances of the check.
+
+    Returns:
+        Premature margin, air margin, depth of spans and of landing pads, all in [m],
+        and the touching share of the ply, shape (5, K).
+    """
+    laid, pads = grid.laid(placed), grid.on_pads(landing)
+    h = heights(gap, final_gap, laid)
+    rows = [
+        _measures(*pose, grid, tolerance) for pose in zip(h, laid, pads, strict=True)
+    ]
+    return np.array(rows).reshape(-1, 5).T
 
 
 def _measures(

@@ -132,6 +132,8 @@ class FrontVerdict:
             poses: a sample touches by pose k if first_touch <= k; infinite for never.
         premature_region: Samples ever in a premature contact, shape (nt, ns).
         pocket_region: Samples ever in an air pocket, shape (nt, ns).
+        poses_between: Poses that were judged between the K poses; what they show
+            counts for the pose that follows.
     """
 
     tolerance: Tolerance
@@ -151,6 +153,7 @@ class FrontVerdict:
     first_touch: Floats = field(repr=False)
     premature_region: Bools = field(repr=False)
     pocket_region: Bools = field(repr=False)
+    poses_between: int = 0
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -196,6 +199,7 @@ class FrontVerdict:
             "in_order": self.in_order,
             "penetrates": self.penetrates,
             "starts_free": self.starts_free,
+            "poses_between": self.poses_between,
             "start_cup": list(self.start_cup),
             "tolerance": {
                 f"{name}_mm": _rounded(1e3 * x)
