@@ -1,19 +1,34 @@
-"""Time of the front check: a whole 6 x 8 ply, pose by pose, and where it goes."""
+"""Time of the front check: poses, whole plans, rollouts on windows; where it goes."""
 
+import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from benchmarks._timing import median_time
+from drapeplan.cell import Cell, build_cell, read_sources
+from drapeplan.contact import FAR, HIGH, front_grid, judge_contact
 from drapeplan.flood import air_margins, escape_level, pass_level, premature_margins
+from drapeplan.frames import inverse, moved
 from drapeplan.front import (
     FrontGrid,
     Tolerance,
     air_pockets,
     check_front,
     heights,
+    pose_measures,
     premature_regions,
 )
+from drapeplan.held_ply import held_fibers, held_points
+from drapeplan.path import CupState
+from drapeplan.planner import make_request
+from drapeplan.ply_choice import choose_ply
+from drapeplan.refine import Stops, judge_between
+from drapeplan.rollout import StepWindow
+from drapeplan.scene import scene_from
+from drapeplan.sequence import Sequence, make_sequence
 from ply.grid import CupGrid
 from ply.sampling import PlySampling
 
@@ -22,12 +37,116 @@ STEP, OVERHANG = 0.01, 0.02  # [m] as in the default scene
 START = 21  # cup (3, 3)
 TOLERANCE = Tolerance()
 POSES = 60
+SURFACE = {"kind": "paraboloid", "radius_x_m": 1.2, "radius_y_m": 2.5}
+WINDOW = range(2, 6), range(1, 5)  # 4 x 4 cups in the middle
+TRIES, STEP_POSES = 128, 8
+NOISE = 0.3e-3  # [m] of the cups in a try
 
 
 def run(quick: bool) -> dict:
-    """Milliseconds a pose: whole checks, and the stages of one pose in mid wave."""
+    """Whole plans, rollouts of a step, and the stages of one pose in mid wave."""
     repeats = 20 if quick else 200
-    grid, final_gap = front_grid()
+    case = planned()
+    first_calls = time.perf_counter()
+    judge_contact(*case)
+    result: dict[str, Any] = {"first_call_s": time.perf_counter() - first_calls}
+    result |= whole_plan(*case, max(3, repeats // 20))
+    result |= rollouts(*case, max(3, repeats // 10))
+    return result | one_pose(repeats)
+
+
+def planned() -> tuple[Cell, Sequence, tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+    """The requested path of the default tool on a paraboloid, as `judge_contact` asks.
+
+    Cup poses in the mold frame from the pick to the last landing, placed and landing.
+    """
+    data = {"format": "drapeplan-scene/1", "mold": {"surface": SURFACE}}
+    scene = scene_from(data, "benchmark")
+    cell = build_cell(scene, read_sources(scene, Path(".")))
+    sequence = make_sequence(scene.sequence, CUPS.rows, CUPS.columns, "benchmark")
+    path = make_request(cell, sequence).path
+    held = slice(0, len(path.phase) - path.phase[::-1].index("wave"))
+    poses = moved(inverse(cell.world_mold), path.positions[held], path.rotations[held])
+    states = path.states[held]
+    return cell, sequence, poses, states == CupState.PLACED, states == CupState.LANDING
+
+
+def whole_plan(
+    cell: Cell,
+    sequence: Sequence,
+    poses: tuple[np.ndarray, ...],
+    placed: np.ndarray,
+    landing: np.ndarray,
+    repeats: int,
+) -> dict[str, float]:
+    """Seconds of a whole plan's contact, margins and all, and the share of stages."""
+    total = median_time(
+        lambda: judge_contact(cell, sequence, poses, placed, landing), repeats
+    )
+    contact = judge_contact(cell, sequence, poses, placed, landing)
+    points, model = contact.points, contact.choice.model
+    start = sequence.index(sequence.start_cup)
+    grid = front_grid(cell, start, contact.beside)
+    final = np.where(contact.beside, 0.0, contact.gap[-1])
+    gap = np.where(contact.beside, HIGH, np.minimum(contact.gap, HIGH))
+    rest = final, grid, placed, landing, contact.front.tolerance
+
+    def shapes(stops: Stops, new: np.ndarray) -> np.ndarray:
+        some = stops.some(new)
+        fibers = held_fibers(cell, *some.poses, model)
+        points = held_points(cell, fibers, *some.poses, model)
+        return np.minimum(cell.mold.gap(points, beside=FAR), HIGH)
+
+    stops = Stops.at_waypoints(poses, placed, landing)
+    tolerance = contact.front.tolerance
+    stages: dict[str, Callable[[], object]] = {
+        "choice_of_ply": lambda: choose_ply(cell, *poses),
+        "ply": lambda: held_points(cell, contact.fibers, *poses, model),
+        "gap": lambda: cell.mold.gap(points, beside=FAR),
+        "margins": lambda: pose_measures(gap, *rest),
+        "between": lambda: judge_between(stops, gap, final, grid, tolerance, shapes),
+    }
+    times = {name: median_time(task, repeats) for name, task in stages.items()}
+    times["between"] -= times["margins"]
+    result = {
+        "plan_poses": float(len(placed)),
+        "plan_poses_between": float(contact.front.poses_between),
+        "plan_s": total,
+        "plan_gap_ns_per_point": 1e9 * times["gap"] / points[..., 0].size,
+    }
+    return result | {f"plan_share_{name}": t / total for name, t in times.items()}
+
+
+def rollouts(
+    cell: Cell,
+    sequence: Sequence,
+    poses: tuple[np.ndarray, ...],
+    placed: np.ndarray,
+    landing: np.ndarray,
+    repeats: int,
+) -> dict[str, float]:
+    """Rollouts of one wave step a second and thread, from cup poses to labels."""
+    laid = poses[0][-1], poses[1][-1]
+    start = sequence.index(sequence.start_cup)
+    step = StepWindow.of(cell, start, laid, *WINDOW)
+    chosen = np.flatnonzero(placed.any(axis=1))[STEP_POSES : 2 * STEP_POSES]
+    cups = placed[chosen], landing[chosen]
+    p, R = (np.repeat(x[None, chosen][:, :, step.cups], TRIES, axis=0) for x in poses)
+    p = p + NOISE * np.random.default_rng(0).normal(size=p.shape)
+    total = median_time(lambda: step.faults(p, R, *cups), repeats)
+    in_window = step.grid.laid(cups[0])[(slice(None), *step.lines)]
+    part = slice(0, 8)
+    shapes = median_time(lambda: step.heights(p[part], R[part], in_window), repeats)
+    return {
+        "rollout_samples": float(in_window[0].size),
+        "rollouts_per_s": TRIES / total,
+        "rollout_share_ply_and_gap": shapes * TRIES / 8 / total,
+    }
+
+
+def one_pose(repeats: int) -> dict[str, float]:
+    """Milliseconds a pose: whole checks, and the stages of one pose in mid wave."""
+    grid, final_gap = samples()
     good, spoiled = path(grid), path(grid, spoil=True)
     placed, landing = good[1:]
     result: dict[str, float] = {"samples": final_gap.size, "poses": POSES}
@@ -57,7 +176,7 @@ def run(quick: bool) -> dict:
     return result | {"flood_from_start_rough_ms": 1e3 * rough}
 
 
-def front_grid() -> tuple[FrontGrid, np.ndarray]:
+def samples() -> tuple[FrontGrid, np.ndarray]:
     """The ply's samples, and the gap of a laid state that is not quite flat, in [m]."""
     ply = PlySampling.regular(CUPS, STEP, OVERHANG)
     grid = FrontGrid(ply.s, ply.t, ply.cup_index, ply.cups_around, CUPS.columns, START)
@@ -80,4 +199,4 @@ def path(grid: FrontGrid, spoil: bool = False) -> tuple[np.ndarray, ...]:
     reach = np.abs(centers).max(axis=1)
     placed = reach + 0.04 <= front[:, :, 0]
     landing = ~placed & (reach - 0.09 <= front[:, :, 0])
-    return h + front_grid()[1], placed, landing
+    return h + samples()[1], placed, landing
