@@ -33,6 +33,7 @@ from ply.rates import EndRates, Ends, natural_length_rates
 
 Array = NDArray[np.float64]
 
+FINE = 1e-5  # [mm], and cost per mm: what is asked of the solver
 MILLI = 1e3  # rows and strokes of the QP are in mm, so that they are of order one
 TILT_LEVER = 35.0  # [mm/rad] a tilt counts like the rise of half a free span
 HEIGHT = np.array([0.0, 1.0, 0.1, 0.03])  # [-] weight of a cup's height, by its ring
@@ -90,7 +91,7 @@ class StrokeLead:
         """
         self.chords, self.longest_fiber = chords, longest_fiber
         self._axis = (np.diff(chords.pairs)[:, 0] != 1).astype(int)  # 0: along s
-        self.solver = QpSolver()
+        self.solver = QpSolver(tolerance=FINE)
 
     def correction(
         self,
@@ -132,7 +133,8 @@ class StrokeLead:
             [np.hstack([g, np.tile(e, (len(g), 1))]) for g, _, e in rows]
         )
         h = MILLI * np.concatenate([h for _, h, _ in rows])
-        lower, upper = (MILLI * np.clip(x, -LONGEST, LONGEST) for x in room)
+        lower = np.minimum(np.clip(room[0], -LONGEST, LONGEST), 0.0)
+        upper = np.maximum(np.clip(room[1], -LONGEST, LONGEST), 0.0)
         program = QuadraticProgram(
             csc_matrix(H),
             c,
@@ -140,11 +142,12 @@ class StrokeLead:
             h,
             csc_matrix((0, size + 2)),
             np.zeros(0),
-            np.append(np.minimum(lower, 0.0), [0.0, 0.0]),
-            np.append(np.maximum(upper, 0.0), [MOST, MOST]),
+            np.append(MILLI * lower, [0.0, 0.0]),
+            np.append(MILLI * upper, [MOST, MOST]),
         )
         solution = self.solver.solve(program)
-        return solution.x[:size] / MILLI if solution.found else np.zeros(size)
+        x = solution.x[:size] / MILLI if solution.found else np.zeros(size)
+        return np.clip(x, lower, upper)  # solvers pass bounds by their tolerance
 
     def _fibers(
         self, poses: tuple[Array, Array], response: Response

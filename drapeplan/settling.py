@@ -29,7 +29,7 @@ Mask = NDArray[np.bool_]
 
 GIVEN = ("pick", "release", "retreat")  # phases with the cups on a table or let go
 ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is well
-DEEPER = 0.01e-3  # [m] ply that is deeper than believed by more is corrected again
+WORTH = 0.01e-3  # [m] ply deeper than believed, or fibers that gain: one more round
 LEVEL = 1e-9  # [-] change of gravity's direction in the tool frame that is none
 
 
@@ -51,10 +51,11 @@ class UnsettledError(InfeasibleError):
         if settled.status == SettledStatus.SADDLE:
             what = "the cups have no stable rest, the tool would flip"
             figure = f"stiffness {settled.least_eigenvalue:.3g} N m/rad"
+            remedy = "lower or lighter cups, a stiffer ply or a flatter mold would help"
         else:
             what = "no rest of the tool was found"
             figure = f"{settled.residual:.3g} N m out of balance"
-        remedy = "a flatter mold, less lift, or a stiffer ply or tool would help"
+            remedy = "a flatter mold, less lift, or a stiffer ply or tool would help"
         super().__init__(f"{moment}: {what} ({figure})", "", remedy)
 
 
@@ -174,16 +175,8 @@ class _Walk:
         settled = self._rest(k, q, fixed, leave=False)
         believed, iterations = 0.0, settled.iterations
         if self.lead and not fixed.all():
-            low = self.ply.low(self._poses(settled.q), fixed)
-            for _ in range(ROUNDS):
-                settled, believed, depth = self._improve(k, settled, fixed, room, low)
-                iterations += settled.iterations
-                poses = self._poses(settled.q)
-                low = self.ply.low(poses, fixed)
-                lowest = low[1].min(initial=0.0)
-                deep = lowest < min(-DEPTH, depth - DEEPER)
-                if not (deep or self.strokes.overlong(poses) > 0):
-                    break
+            settled, believed, more = self._led(k, settled, fixed, room)
+            iterations += more
         self.settled = settled
         self.carry = settled.q[columns] - kinematic[columns]
         self.carry[fixed] = 0.0
@@ -191,6 +184,27 @@ class _Walk:
         self._append(
             settled.q, (believed, iterations, np.inf if least is None else least)
         )
+
+    def _led(
+        self, k: int, settled: Settled, fixed: Mask, room: tuple[Array, Array]
+    ) -> tuple[Settled, float, int]:
+        """Strokes corrected, and again where that may help ply or fibers.
+
+        Returns:
+            The settled result, the last belief's error, [m], and Newton's steps.
+        """
+        poses, iterations = self._poses(settled.q), 0
+        low, over = self.ply.low(poses, fixed), self.strokes.overlong(poses)
+        for _ in range(ROUNDS):
+            settled, believed, depth = self._improve(k, settled, fixed, room, low)
+            iterations += settled.iterations
+            poses, before = self._poses(settled.q), over
+            low, over = self.ply.low(poses, fixed), self.strokes.overlong(poses)
+            deep = low[1].min(initial=0.0) < min(-DEPTH, depth - WORTH)
+            stretched = over > 0 and (before <= 0 or over < before - WORTH)
+            if not (deep or stretched):
+                break
+        return settled, believed, iterations
 
     def _improve(
         self,
