@@ -10,10 +10,12 @@ from drapeplan.lead import KEEP, LONGEST, RESERVE, SINK, TILT_LEVER, StrokeLead,
 from drapeplan.legs import rotation
 from drapeplan.rings import outward, ring_of
 from drapeplan.robot import Robot, arm_description
+from tests.test_shape import rotations as turns
 from urdf import read_tool
 
 SPAN, HALF = 0.07, 0.02  # [m]
 WIDE = (-0.1, 0.1)  # [m]
+STEP = 1e-5  # [m], [rad] of fourth-order differences
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +133,63 @@ def test_fibers_are_not_stretched(robot, flat):
     assert x[right] == pytest.approx(slack - RESERVE, rel=0.02)
     loose = corrected(robot, flat, work, placed, response, slack=1e-2)
     assert loose[right] > 4e-3
+
+
+def bent(robot, seed=0):
+    """Cups somewhat above a square grid, tilted and turned at random."""
+    rng = np.random.default_rng(seed)
+    i, j = np.divmod(np.arange(robot.n_cups), robot.columns)
+    positions = np.stack([j, i, 0 * i], axis=1) * robot.pitch
+    positions = positions + rng.normal(0, 1e-3, positions.shape)
+    return positions, turns(rng.normal(0, 0.03, (robot.n_cups, 3)))
+
+
+def test_natural_lengths_change_as_the_rows_say(robot):
+    """Against differences: cups move and turn at once, in four random ways."""
+    poses, rng = bent(robot), np.random.default_rng(1)
+    motion = rng.normal(size=(2, robot.n_cups, 3, 4))
+    lead = StrokeLead(Chords(robot), SPAN - 5e-3)  # all fibers are watched
+    rates, room = lead._fibers(
+        poses, SimpleNamespace(position=motion[0], rotation=motion[1])
+    )
+    assert len(rates) == len(lead.chords)
+    natural = lead._lengths(poses)[2]
+    np.testing.assert_allclose(room, SPAN - 5e-3 - RESERVE - natural, atol=1e-15)
+    for k in range(4):
+
+        def length(h, k=k):
+            step = h * motion[..., k]
+            return lead._lengths((poses[0] + step[0], turns(step[1]) @ poses[1]))[2]
+
+        near, far = (length(h) - length(-h) for h in (STEP, 2 * STEP))
+        truth = (8 * near - far) / (12 * STEP)
+        np.testing.assert_allclose(rates[:, k], truth, atol=1e-6 * np.abs(truth).max())
+
+
+def test_tilts_do_not_stretch_taut_fibers(robot, flat):
+    """Tilted cups asked to tilt further than fibers allow: their true lengths hold."""
+
+    def tilted(angles):
+        return flat[0], turns(np.outer(angles, [0.0, 1.0, 0.0]))
+
+    n = robot.n_cups
+    start, request = tilted(np.full(n, 0.1)), tilted(np.full(n, 0.13))
+    placed, work = task(robot, request)
+    response = respond(n, np.flatnonzero(~placed), lift=0.0, lean=20.0)
+    taut = StrokeLead(Chords(robot), SPAN).overlong(start)
+    kept, free = taut + RESERVE + 0.01e-3, taut + 5e-3
+    ends = []
+    for slack in (kept, free):
+        x = corrected(robot, start, work, placed, response, slack=slack)
+        ends.append(StrokeLead(Chords(robot), SPAN).overlong(tilted(0.1 + 20.0 * x)))
+    assert taut < ends[0] <= kept
+    assert ends[1] > kept + 0.05e-3
+
+
+def test_strokes_at_their_limits_are_not_passed_at_all(robot, flat):
+    """Not even by what a solver leaves open."""
+    high = flat[0] + [0, 0, 0.05], flat[1]
+    placed, work = task(robot, flat)
+    response = respond(robot.n_cups, np.flatnonzero(~placed))
+    x = corrected(robot, high, work, placed, response, room=(-1e-3, 3e-3))
+    assert x.max() == 3e-3
