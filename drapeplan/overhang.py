@@ -24,6 +24,7 @@ OFF = 0.2e-3  # [m] how far off the surface the air beside it is looked at
 LAYER = 2e-3  # [m] heights that share one look for the way out from under an edge
 LOOKS = 400  # [-] looks between a hidden place and the open air beside it
 WORST = 12  # [-] hidden places that are measured so closely
+RIM_LOOKS = 16  # [-] looks around the rim of a pad
 SEEN = 1e-6  # [m] how near its highest point a face lies that is seen from above
 
 Near = Callable[[Array, Array], Mask]
@@ -129,6 +130,36 @@ def mold_of(
     where = f"({1e3 * found.x:.0f}, {1e3 * found.y:.0f}) mm"
     why = f"distance grid, because of an overhang of {1e3 * found.size:.1f} mm"
     return OverhungGrid.from_mesh(vertices, faces, step), f"{why} at {where}"
+
+
+def pads_over_edges(
+    mold: HeightGrid, xy: Array, half_width: float, most: float
+) -> list[tuple[int, float]]:
+    """Cups through whose flat pads an edge would run under which the mold goes on.
+
+    Args:
+        mold: The mold; one without overhangs has no such edges.
+        xy: Where the cups land, shape (n, 2), in [m].
+        half_width: Half width of a pad, in [m].
+        most: How far a pad may be off the mold, in [m].
+
+    Returns:
+        Index of each such cup and how far its pad is off what is seen of the mold, or
+        off the mold itself, in [m].
+    """
+    if not isinstance(mold, OverhungGrid):
+        return []
+    center, normal = mold.point(*xy.T), mold.normal(*xy.T)
+    along = np.stack([normal[:, 2], 0 * normal[:, 0], -normal[:, 0]], axis=-1)
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    angle = np.linspace(0, 2 * np.pi, RIM_LOOKS, endpoint=False)
+    rim = half_width * np.stack([np.cos(angle), np.sin(angle)])
+    frame = np.stack([along, np.cross(normal, along)], axis=1)
+    pads = center[:, None] + np.einsum("ka,nkc->nac", rim, frame)
+    places = np.concatenate([center[:, None], pads], axis=1)
+    off = np.maximum(abs(mold.gap(places)), abs(HeightGrid.gap(mold, places)))
+    worst = off.max(axis=1)
+    return [(int(k), float(worst[k])) for k in np.flatnonzero(worst > most)]
 
 
 def mold_from_data(data: dict[str, Any]) -> HeightGrid:

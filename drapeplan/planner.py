@@ -23,6 +23,7 @@ from drapeplan.explain import words
 from drapeplan.judge import judge
 from drapeplan.motion import Motion, StrokesError, follow
 from drapeplan.net import Net, least_shear_net
+from drapeplan.overhang import pads_over_edges
 from drapeplan.path import Path, plan_path
 from drapeplan.plan import DIGITS, Plan, make_document
 from drapeplan.scene import HoverPath, Scene
@@ -165,6 +166,18 @@ def cup_targets(cell: Cell) -> Net:
         more = f" mm, as do {beside.size - 1} others" if beside.size > 1 else " mm"
         remedy = "a larger mold, a smaller tool or another placement would help"
         raise InfeasibleError(what + more, "", remedy)
+    most = cell.scene.tolerance.laid_bridge_mm * 1e-3
+    edges = pads_over_edges(cell.mold, net.xy, grid.half_width, most)
+    if edges:
+        cup, off = max(edges, key=lambda edge: edge[1])
+        i, j = divmod(cup, grid.columns)
+        x, y = 1e3 * net.xy[cup]
+        what = f"the pad of cup ({i}, {j}) would land on an edge of the mold, at "
+        what += f"({x:.0f}, {y:.0f}) mm, and miss it"
+        remedy = "place the ply so that edges lie between the cups"
+        if len(edges) > 1:
+            remedy = f"so would {len(edges) - 1} others; {remedy}"
+        raise InfeasibleError(what, f"{1e3 * off:.1f} mm", remedy)
     return net
 
 
