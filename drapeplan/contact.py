@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from drapeplan.cell import Cell
 from drapeplan.front_grid import FrontGrid
 from drapeplan.held_ply import CUBIC, PlyModel, held_fibers, held_points
+from drapeplan.mold import HeightGrid
 from drapeplan.ply_choice import PlyChoice, choose_ply
 from drapeplan.refine import Stops, judge_between
 from drapeplan.sequence import Sequence
@@ -49,8 +50,13 @@ def ply_over_mold(
     rotations: Array,
     model: PlyModel = CUBIC,
     fibers: PlyFibers | None = None,
+    clip: bool = False,
 ) -> tuple[Array, Array]:
     """Ply and its gap to the mold.
+
+    The free shape knows no mold: its depth below one says how hard it is pushed in, so
+    the verdict rests on it. Clipped at the mold it is nearer to the shape of ply that
+    touches in part: 0.1 to 0.3 mm from an obstacle beam, of 0.1 to 0.65 mm.
 
     Args:
         cell: Robot, mold and ply.
@@ -58,6 +64,7 @@ def ply_over_mold(
         rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
         model: What of the ply is modeled.
         fibers: Fibers of the poses on that model, where a caller has them.
+        clip: Whether to put what is below the mold on it.
 
     Returns:
         Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m];
@@ -66,7 +73,25 @@ def ply_over_mold(
     if fibers is None:
         fibers = held_fibers(cell, positions, rotations, model)
     points = held_points(cell, fibers, positions, rotations, model)
-    return points, cell.mold.gap(points, beside=FAR)
+    gap = cell.mold.gap(points, beside=FAR)
+    return clipped(cell.mold, points, gap) if clip else (points, gap)
+
+
+def clipped(mold: HeightGrid, points: Array, gap: Array) -> tuple[Array, Array]:
+    """Points with those below the mold put on it, along its normals.
+
+    Args:
+        mold: The mold.
+        points: Points in the mold frame, shape (..., 3), in [m].
+        gap: Their gaps, shape (...), in [m].
+
+    Returns:
+        Points and gaps, of the same shapes.
+    """
+    below = gap < 0
+    raised, low = points.copy(), points[below]
+    raised[below] -= gap[below][:, None] * mold.normal(low[:, 0], low[:, 1])
+    return raised, np.maximum(gap, 0.0)
 
 
 def front_grid(cell: Cell, start_cup: int, beside: NDArray[np.bool_]) -> FrontGrid:
