@@ -72,6 +72,13 @@ def test_a_sample_is_named_by_seed_and_index():
         )
 
 
+def test_parameters_do_not_share_their_numbers():
+    sample = one()
+    assert sample.take_up != sample.stiffness
+    assert not np.array_equal(sample.tilt, sample.registration[:2])
+    assert not np.array_equal(sample.position, sample.angle)
+
+
 def test_what_is_redrawn_changes_no_other_parameter():
     still, anew = one(), one(poses=3, redrawn=0.5)
     for name in ("tilt", "take_up", "stiffness", "registration"):
