@@ -1,10 +1,10 @@
 """Rollouts: many tries of one wave step, judged on a window of cups, by labels.
 
 What the cups of a step move lies between them and their neighbors. A window evaluates
-the ply there alone, and says of each pose whether something is premature, trapped or
-too deep. Around the window the ply is what it was in poses of the whole, or nobody
-knows: then a contact or a hollow that reaches the window's rim is taken for harmless,
-and a fault that is told is one of the whole ply, too.
+the ply there alone, on cubic fibers, and says of each pose whether something is
+premature, trapped or too deep. Around the window the ply is what it was in poses of the
+whole, or nobody knows: then a contact or a hollow that reaches the window's rim is
+taken for harmless, and a fault that is told is one of the whole ply, too.
 """
 
 from __future__ import annotations
@@ -25,12 +25,27 @@ from ply.sampling import PlySampling
 from ply.shape import ply_fibers
 from ply.window import window
 
-__all__ = ["Fault", "StepWindow", "Surroundings"]
+__all__ = ["Fault", "StepWindow", "Surroundings", "window_of"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 AT_ONCE = 64  # [-] poses at a time: their points stay in the cache
+
+
+def window_of(rows: int, columns: int, cups: NDArray[np.int64]) -> tuple[range, range]:
+    """Rows and columns of some cups and their neighbors.
+
+    Args:
+        rows: Rows of the whole array.
+        columns: Its columns.
+        cups: Indices of the cups that move, at least one.
+    """
+    i, j = np.divmod(cups, columns)
+    return (
+        range(max(int(i.min()) - 1, 0), min(int(i.max()) + 2, rows)),
+        range(max(int(j.min()) - 1, 0), min(int(j.max()) + 2, columns)),
+    )
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from drapeplan.contact import HIGH, ply_over_mold
 from drapeplan.faults import Fault, Samples, window_faults
 from drapeplan.front import CORNERS, air_pockets, heights, premature_regions
-from drapeplan.rollout import StepWindow
+from drapeplan.rollout import StepWindow, window_of
 from tests.plans import scene, stages
 
 ROUNDING = 1e-12  # [m] the order of sums over fewer cups
@@ -172,3 +172,10 @@ def test_tries_are_judged_one_by_one(made, step):
     apart = [step.faults(p[n : n + 1], R[n : n + 1], *rest)[0] for n in range(19)]
     np.testing.assert_array_equal(together, apart)
     assert len(np.unique(together)) > 2
+
+
+def test_a_window_holds_cups_and_their_neighbors():
+    assert window_of(8, 6, np.array([20, 27])) == (range(2, 6), range(1, 5))
+    assert window_of(8, 6, np.array([0])) == (range(0, 2), range(0, 2))
+    assert window_of(8, 6, np.array([47])) == (range(6, 8), range(4, 6))
+    assert window_of(8, 6, np.array([0, 47])) == (range(8), range(6))

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from drapeplan.front_grid import FrontGrid
 from drapeplan.lift import WeightedSum
 from drapeplan.mold import HeightGrid
-from drapeplan.refine import Stops, judge_between
+from drapeplan.refine import MOVED, Stops, judge_between
 from drapeplan.surfaces import AbstractSurface, Paraboloid, Plane, Ridge
 from drapeplan.verdict import EventKind, Tolerance
 from ply.grid import CupGrid
@@ -293,3 +293,23 @@ def test_four_times_as_many_samples_move_no_margin(uneven):
     for name in NAMES[:2]:
         pair = (np.minimum(getattr(v, name), 5 * MM) for v in (found, expected))
         assert_allclose(*pair, atol=SAMPLED)
+
+
+def test_four_times_as_many_waypoints_tell_the_same(uneven):
+    """What is found between waypoints stands for all that is there."""
+    case, _ = uneven
+    names = ("positions", "rotations", "placed", "landing")
+    poses = [*range(12), -1]
+    case = replace(case, **{name: getattr(case, name)[poses] for name in names})
+    expected = case.verdict()
+    rough = Stops.at_waypoints(
+        (case.positions, case.rotations), case.placed, case.landing
+    )
+    quarters = np.arange(0, len(case.placed) - 1, 0.25)
+    dense, _ = rough.joined(rough.between(quarters[quarters % 1 > 0]))
+    found = replace(case, **{name: getattr(dense, name) for name in names}).verdict()
+    assert found.passed == expected.passed
+    assert {e.kind for e in found.events} == {e.kind for e in expected.events}
+    for name, of in zip(NAMES, (np.min, np.min, np.max, np.max), strict=True):
+        pair = (np.minimum(of(getattr(v, name)), 5 * MM) for v in (found, expected))
+        assert_allclose(*pair, atol=MOVED)
