@@ -55,6 +55,17 @@ def run(quick: bool) -> dict:
     return result | one_pose(repeats)
 
 
+def thread_time(task: Callable[[], object], repeats: int) -> float:
+    """Median processor time of a task, in [s]: what one thread needs, others aside."""
+    task()
+    times = []
+    for _ in range(repeats):
+        start = time.thread_time()
+        task()
+        times.append(time.thread_time() - start)
+    return float(np.median(times))
+
+
 def planned() -> tuple[Cell, Sequence, tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
     """The requested path of the default tool on a paraboloid, as `judge_contact` asks.
 
@@ -79,8 +90,8 @@ def whole_plan(
     landing: np.ndarray,
     repeats: int,
 ) -> dict[str, float]:
-    """Seconds of a whole plan's contact, margins and all, and the share of stages."""
-    total = median_time(
+    """Thread seconds of a whole plan's contact, margins and all, and its stages."""
+    total = thread_time(
         lambda: judge_contact(cell, sequence, poses, placed, landing), repeats
     )
     contact = judge_contact(cell, sequence, poses, placed, landing)
@@ -106,7 +117,7 @@ def whole_plan(
         "margins": lambda: pose_measures(gap, *rest),
         "between": lambda: judge_between(stops, gap, final, grid, tolerance, shapes),
     }
-    times = {name: median_time(task, repeats) for name, task in stages.items()}
+    times = {name: thread_time(task, repeats) for name, task in stages.items()}
     times["between"] -= times["margins"]
     result = {
         "plan_poses": float(len(placed)),
@@ -133,10 +144,10 @@ def rollouts(
     cups = placed[chosen], landing[chosen]
     p, R = (np.repeat(x[None, chosen][:, :, step.cups], TRIES, axis=0) for x in poses)
     p = p + NOISE * np.random.default_rng(0).normal(size=p.shape)
-    total = median_time(lambda: step.faults(p, R, *cups), repeats)
+    total = thread_time(lambda: step.faults(p, R, *cups), repeats)
     in_window = step.grid.laid(cups[0])[(slice(None), *step.lines)]
     part = slice(0, 8)
-    shapes = median_time(lambda: step.heights(p[part], R[part], in_window), repeats)
+    shapes = thread_time(lambda: step.heights(p[part], R[part], in_window), repeats)
     return {
         "rollout_samples": float(in_window[0].size),
         "rollouts_per_s": TRIES / total,
