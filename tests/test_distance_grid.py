@@ -6,6 +6,7 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.distance_grid import DistanceGrid, face_samples
+from drapeplan.distance_kernels import closest
 from drapeplan.errors import InputError
 from tests.mold_meshes import box, cap, channel, torus
 
@@ -145,6 +146,20 @@ def test_the_grid_comes_back_from_a_file_bit_by_bit(ring):
     points = cloud(100, 0.3)
     assert_array_equal(again.gap(points), ring.gap(points))
     assert json.dumps(DistanceGrid.from_mesh(*torus(), STEP, -1.0).to_data()) == text
+
+
+def test_the_nearest_point_of_a_triangle_is_that_of_trimesh():
+    """Beside its face, each edge and each corner."""
+    rng = np.random.default_rng(5)
+    seen = set()
+    for triangle, point in zip(
+        rng.normal(size=(300, 3, 3)), 1.5 * rng.normal(size=(300, 3)), strict=True
+    ):
+        nearest = trimesh.triangles.closest_point(triangle[None], point[None])[0]
+        *way, feature = closest(*point, triangle)
+        assert_allclose(way, point - nearest, atol=1e-12)
+        seen.add(feature)
+    assert seen == set(range(7))
 
 
 @pytest.mark.parametrize(

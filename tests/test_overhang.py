@@ -49,7 +49,13 @@ def test_the_overhang_of_a_channel_is_told(under):
 
 @pytest.mark.parametrize(
     "mesh",
-    [cap(), box(), channel(-0.005), channel(0.0), swept([-0.1, 0.1], [0, 0.3], [0, 1])],
+    [
+        cap(),
+        box((0.2, 0.16, 0.05)),
+        channel(-0.005),
+        channel(0.0),
+        swept([-0.1, 0.1], [0, 0.3], [0, 1]),
+    ],
     ids=["cap", "closed box", "drafted channel", "upright channel", "steep plane"],
 )
 def test_what_is_seen_as_a_whole_does_not_overhang(mesh):
@@ -102,7 +108,7 @@ def test_where_nothing_overhangs_both_molds_say_the_same():
         assert_allclose(full.gap(points), plain.gap(points), atol=SAME)
 
 
-def test_beside_the_mold_the_answer_is_given():
+def test_beside_the_mold_the_gap_is_given():
     vertices, faces = channel()
     mold = OverhungGrid.from_mesh(vertices, faces)
     rng = np.random.default_rng(2)
@@ -112,6 +118,10 @@ def test_beside_the_mold_the_answer_is_given():
     assert 0.2 < inside.mean() < 0.8
     assert (gap[~inside] == 7).all()
     assert_array_equal(gap[inside], mold.gap(points)[inside])
+    last = np.argwhere(mold.covered).max(axis=0)  # the rim is one line of nodes
+    x, y = np.array(mold.origin) + last * mold.step
+    rim = np.array([[x, 0.0, 0.01], [x, y, 0.01], [0.1, y, 0.01]])
+    assert_allclose(mold.gap(rim, beside=7.0), 0.01, atol=SAME)
 
 
 @pytest.mark.parametrize("seed", [None, 3])
