@@ -43,6 +43,7 @@ SINK = 0.1e-3  # [m] a cup outside the landing ring may be lower by this
 DEPTH = 0.1e-3  # [m] the free ply may be lower than its laid state by this
 RESERVE = 0.03e-3  # [m] kept of a fiber's length for what linearization misses
 PRICES = np.array([1e3, 25.0])  # [-] of a squared mm of stretch, and of depth beyond
+FIRM = 10.0  # [-] by which stretch costs more where that may end it
 MOST = 1e3  # [mm] more than any fiber is stretched, or any sample deep
 NEAR = 1.5e-3  # [m] fibers with less slack than this are watched
 LONGEST = 20e-3  # [m] longest change of one stroke in one correction
@@ -101,6 +102,7 @@ class StrokeLead:
         offset: Array,
         room: tuple[Array, Array],
         low: tuple[Array, Array] | None = None,
+        firm: bool = False,
     ) -> Array:
         """Change of the free strokes that brings the cups nearer to their task.
 
@@ -116,13 +118,15 @@ class StrokeLead:
             low: Derivatives of low heights of the ply by the free strokes, shape
                 (r, n_free), and the heights, shape (r,), in [m]; the deepest one is
                 raised towards DEPTH, as far as that is worth its price.
+            firm: Whether stretch costs more than usual.
 
         Returns:
             Changes, shape (n_free,), in [m].
         """
         A, b = _objective(poses, response, task)
         size = A.shape[1]
-        H = np.diag(np.append(np.full(size, KEEP), PRICES))
+        prices = PRICES * [FIRM if firm else 1.0, 1.0]
+        H = np.diag(np.append(np.full(size, KEEP), prices))
         H[:size, :size] += A.T @ A
         c = np.append(-A.T @ b + KEEP * MILLI * offset, [0.0, 0.0])
         rows = [(*_heights(poses, response, task), (0, 0))]

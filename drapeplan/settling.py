@@ -30,6 +30,7 @@ Mask = NDArray[np.bool_]
 GIVEN = ("pick", "release", "retreat")  # phases with the cups on a table or let go
 ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is well
 WORTH = 0.01e-3  # [m] ply deeper than believed, or fibers that gain: one more round
+SLIGHT = 0.03e-3  # [m] fibers too long by no more may yet fit, at a higher price
 LEVEL = 1e-9  # [-] change of gravity's direction in the tool frame that is none
 
 
@@ -196,12 +197,14 @@ class _Walk:
         poses, iterations = self._poses(settled.q), 0
         low, over = self.ply.low(poses, fixed), self.strokes.overlong(poses)
         for _ in range(ROUNDS):
-            settled, believed, depth = self._improve(k, settled, fixed, room, low)
+            firm = 0 < over < SLIGHT
+            settled, believed, depth = self._improve(k, settled, fixed, room, low, firm)
             iterations += settled.iterations
             poses, before = self._poses(settled.q), over
             low, over = self.ply.low(poses, fixed), self.strokes.overlong(poses)
             deep = low[1].min(initial=0.0) < min(-DEPTH, depth - WORTH)
-            stretched = over > 0 and (before <= 0 or over < before - WORTH)
+            gains = before <= 0 or over < before - WORTH
+            stretched = over > 0 and (gains or (over < SLIGHT and not firm))
             if not (deep or stretched):
                 break
         return settled, believed, iterations
@@ -213,6 +216,7 @@ class _Walk:
         fixed: Mask,
         room: tuple[Array, Array],
         low: tuple[NDArray[np.int64], Array],
+        firm: bool,
     ) -> tuple[Settled, float, float]:
         """One correction of the strokes.
 
@@ -235,6 +239,7 @@ class _Walk:
             now - self.motion.q[k, stroke],
             (room[0] - now, room[1] - now),
             rows,
+            firm,
         )
         q = settled.q + response.q @ x
         q[stroke] = now + x
