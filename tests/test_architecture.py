@@ -48,7 +48,10 @@ BY_NAME = {  # dependencies that no import shows
 }
 IMPORTED_AS = {"pin": "pinocchio", "pyyaml": "yaml"}
 BROUGHT = {"umsgpack", "coal"}  # by meshcat; by pin
-GEOMETRY = ("mold", "mesh", "surfaces", "links", "geodesic", "net", "shear")
+GEOMETRY = (
+    *("mold", "mesh", "surfaces", "links", "geodesic", "net", "shear"),
+    *("orient", "distance_grid", "overhang"),
+)
 MACHINE = ("robot", "legs", "closures", "inverse", "track")
 
 
