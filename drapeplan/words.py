@@ -113,7 +113,7 @@ def _laid_lines(laid: dict[str, Any]) -> list[str]:
         return [f"The pads of {count} cups hang over the mold's edge, first {cup}."]
     return [
         f"Laid, the ply bridges {laid['bridges_mm']:.1f} mm or sinks "
-        f"{laid['sinks_mm']:.1f} mm: the mold is too curved, or hollow, between the cups."
+        f"{laid['sinks_mm']:.1f} mm: the mold is too curved or hollow between the cups."
     ]
 
 
