@@ -13,6 +13,7 @@ from drapeplan.cell import Cell, build_cell, read_sources
 from drapeplan.closures import Closures
 from drapeplan.errors import InfeasibleError
 from drapeplan.frames import rotation_vectors
+from drapeplan.hanging import kinematic_lag
 from drapeplan.judge import judge
 from drapeplan.legs import cup_poses
 from drapeplan.motion import Motion, follow
@@ -20,7 +21,7 @@ from drapeplan.path import CupState, Path
 from drapeplan.planner import Request, make_request, make_track
 from drapeplan.scene import scene_from
 from drapeplan.sequence import Sequence, make_sequence
-from drapeplan.settling import Settling, kinematic_lag, settle_path
+from drapeplan.settling import Settling, settle_path
 from urdf import tool_names
 
 EXAMPLES = FilePath(__file__).parent.parent / "examples"

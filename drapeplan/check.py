@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drapeplan.errors import DrapeplanError
 from drapeplan.frames import rotation_vectors
+from drapeplan.hanging import shifted
 from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
 from drapeplan.path import CupState
 from drapeplan.plan import Plan, document_hash, source_hashes
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 UNUSABLE = (DrapeplanError, ValueError, LookupError, TypeError, ArithmeticError)
 TAU = 1e-6  # [-] a path made anew on another machine may differ this much
 REMADE = 1e-6  # [m], [mm], [deg] the same for what is made anew with a solver
+SHIFTED = 2e-6  # [m] the same for the shift of the tool: two of its decimals
 SAME = 1e-9  # [-] relative difference of recomputed numbers that counts as none
 
 
@@ -110,7 +112,10 @@ def _differences(plan: Plan) -> Iterator[str]:
 def _compare_request(plan: Plan) -> Iterator[str]:
     """The waypoints must be those that the scene asks for, none missing."""
     asked, track = make_request(plan.cell, plan.sequence), plan.track
-    path = asked.path
+    shift = np.array(plan.document["tool_shift_m"])
+    if not np.abs(shift - asked.shift).max() <= SHIFTED:
+        yield f"tool_shift_m: is {shift.tolist()}, not {asked.shift.tolist()}"
+    path = shifted(asked.path, shift - asked.shift)
     same = path.phase == track.phase and np.array_equal(path.step, track.step)
     if not same or np.abs(path.tau - track.tau).max() > TAU:
         yield "waypoints: phases, steps or tau are not those that the scene asks for"

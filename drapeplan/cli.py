@@ -145,8 +145,9 @@ def check(
     seed: Annotated[int | None, typer.Option(help="Of the samples.")] = None,
     workers: Annotated[int | None, typer.Option(help="Processes for them.")] = None,
     depth: Annotated[
-        str, typer.Option(help="poses: errors on cup poses; tool: settled anew.")
-    ] = "poses",
+        str | None,
+        typer.Option(help="poses (default): errors on cup poses; tool: settled anew."),
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Recompute a plan from its file alone and say what does not hold."""
@@ -154,7 +155,10 @@ def check(
 
     doubt = None
     if robustness is not None:
-        doubt = Doubt(robustness, seed, workers, depth)
+        doubt = Doubt(robustness, seed, workers, depth or "poses")
+    elif (seed, workers, depth) != (None, None, None):
+        problem = "--seed, --workers and --depth say nothing without it"
+        raise InputError("--robustness", "", problem, "add --robustness N")
     return check_command(plan_file, figure, doubt, as_json)
 
 

@@ -13,6 +13,7 @@ from drapeplan.closures import Chords, Closures
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.frames import inverse, moved, rotation_vectors
 from drapeplan.motion import ALIGNED, CLOSED, LANDED, LIMIT
+from drapeplan.overhang import OverhungGrid
 from drapeplan.rest import judge_rest
 from drapeplan.sequence import Sequence
 from drapeplan.touch import judge_touch
@@ -62,13 +63,20 @@ def judge(
         and contact.front.starts_free
         and all(part["good"] is not False for part in parts.values()),
         "fidelity": cell.scene.fidelity,
-        "mold": cell.sources.mold.get("chosen", "height field"),
+        "mold": _mold(cell),
         "ply_model": contact.choice.to_dict(),
         **parts,
         "steps": _steps(track, contact.front, sequence, span),
         "front": front,
     }
     return verdict, contact
+
+
+def _mold(cell: Cell) -> str:
+    """What the gaps to the mold are measured by; the reason stands in the plan."""
+    if isinstance(cell.mold, OverhungGrid):
+        return str(cell.sources.mold.get("chosen"))
+    return "height field"
 
 
 def _number(value: float) -> float:

@@ -143,7 +143,7 @@ class _Builder:
 
     def stretches(self) -> list[_Stretch]:
         """The phases in order."""
-        path, flat = self.cell.scene.path, self._flat()
+        path, flat = self.wave.path, self._flat()
         flat_arrival = isinstance(path, HoverPath) and path.arrival == "flat"
         carried, above = (self.wave.positions[:1], self.wave.rotations[:1]), 0.0
         if isinstance(path, HoverPath) and flat_arrival:
@@ -178,7 +178,7 @@ class _Builder:
     @property
     def _lands_with_the_arm(self) -> bool:
         """Whether the arm's descent lands the start cup, not its own stroke."""
-        return not isinstance(self.cell.scene.path, HoverPath)
+        return not isinstance(self.wave.path, HoverPath)
 
     def _lift(self, over: Array) -> tuple[Array, Array]:
         """Pick placement, and straight up at least as high as the transfer goes."""

@@ -82,6 +82,7 @@ class Document(_Strict):
     sequence: _Sequence
     net: dict[str, float]
     kinematic_lag: dict[str, float]
+    tool_shift_m: tuple[float, float, float]
     targets: _Targets
     waypoints: list[_Waypoint]
     verdict: dict[str, Any]
@@ -200,12 +201,20 @@ def make_document(
     cell: Cell,
     sequence: Sequence,
     targets: tuple[Array, Array],
-    net: dict[str, float],
-    kinematic_lag: dict[str, float],
+    made: dict[str, Any],
     track: Track,
     verdict: dict[str, Any],
 ) -> dict[str, Any]:
-    """Content of a plan file, hash included."""
+    """Content of a plan file, hash included.
+
+    Args:
+        cell: Robot, mold and ply.
+        sequence: Start cup and steps.
+        targets: Landing poses in the mold frame.
+        made: What was found on the way: `net`, `kinematic_lag`, `tool_shift_m`.
+        track: The drape.
+        verdict: The verdict.
+    """
     sources = cell.sources
     document: dict[str, Any] = {
         "format": FORMAT,
@@ -226,8 +235,7 @@ def make_document(
             "pattern": sequence.pattern,
             "steps": [[list(cup) for cup in cups] for cups in sequence.steps],
         },
-        "net": net,
-        "kinematic_lag": kinematic_lag,
+        **made,
         "targets": {
             "position_m": _plain(targets[0]),
             "rotation": _plain(targets[1]),

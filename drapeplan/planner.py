@@ -20,6 +20,7 @@ from drapeplan.cell import (
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.errors import InfeasibleError
 from drapeplan.explain import words
+from drapeplan.hanging import hang_shift, kinematic_lag, shifted
 from drapeplan.judge import judge
 from drapeplan.motion import Motion, StrokesError, follow
 from drapeplan.net import Net, least_shear_net
@@ -29,7 +30,7 @@ from drapeplan.plan import DIGITS, Plan, make_document
 from drapeplan.scene import HoverPath, Scene
 from drapeplan.sentences import sentences
 from drapeplan.sequence import Sequence, make_sequence
-from drapeplan.settling import UnsettledError, kinematic_lag, settle_path
+from drapeplan.settling import UnsettledError, settle_path
 from drapeplan.shear import cell_shear
 from drapeplan.track import Track
 from drapeplan.wave import Wave, plan_wave
@@ -101,7 +102,8 @@ def make_plan(
     verdict, contact = judge(cell, sequence, landing, track)
     facts = net_facts(cell, landing[0], asked.targets)
     lag = lag_facts(cell, path, track)
-    document = make_document(cell, sequence, landing, facts, lag, track, verdict)
+    made = {"net": facts, "kinematic_lag": lag, "tool_shift_m": asked.shift.tolist()}
+    document = make_document(cell, sequence, landing, made, track, verdict)
     tell("front", 1.0)
     return Outcome(Plan(document), contact, motion)
 
@@ -113,12 +115,14 @@ class Request:
     Attributes:
         targets: Least-shear net on the mold.
         wave: Cup poses of the wave, mold frame.
-        path: All waypoints, world.
+        path: All waypoints, world, the tool shifted.
+        shift: Shift of the tool from the approach on, world, shape (3,), in [m].
     """
 
     targets: Net
     wave: Wave
     path: Path
+    shift: Array
 
     @property
     def landing(self) -> tuple[Array, Array]:
@@ -137,7 +141,10 @@ def make_request(cell: Cell, sequence: Sequence) -> Request:
     targets = cup_targets(cell)
     wave = request_wave(cell, targets, sequence)
     start = sequence.index(sequence.start_cup)
-    return Request(targets, wave, plan_path(cell, targets, wave, start))
+    path = plan_path(cell, targets, wave, start)
+    settles = cell.scene.fidelity == "equilibrium"
+    shift = hang_shift(cell, path) if settles else np.zeros(3)
+    return Request(targets, wave, shifted(path, shift), shift)
 
 
 def cup_targets(cell: Cell) -> Net:

@@ -18,8 +18,9 @@ from scipy.spatial.transform import Rotation
 from drapeplan.cell import Cell
 from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
 from drapeplan.frames import inverse, moved, rotation_vectors
+from drapeplan.hanging import tool_physics
 from drapeplan.legs import cup_poses, leg_coordinates
-from drapeplan.settling import LEVEL, tool_physics
+from drapeplan.settling import LEVEL
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

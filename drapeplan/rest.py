@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from drapeplan.cell import Cell
 from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
 from drapeplan.frames import rotation_vectors
+from drapeplan.hanging import tool_physics
 from drapeplan.legs import cup_poses
-from drapeplan.settling import GIVEN, LEVEL, tool_physics
+from drapeplan.settling import GIVEN, LEVEL
 from drapeplan.track import Track
 
 Array = NDArray[np.float64]

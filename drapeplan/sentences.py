@@ -7,6 +7,7 @@ import numpy as np
 
 from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict, Spot
 
+NEAR = 0.05  # [m] margins beyond are no danger, and the largest ones are cut off
 SHOWN = 5e-6  # [m] half of the last decimal that a sentence shows
 REMEDIES = {
     EventKind.PREMATURE: "lift the cups outside the front further, or turn them toe-up",
@@ -52,7 +53,7 @@ def sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
         (verdict.worst_premature, "a premature contact"),
         (verdict.worst_air, "an air pocket"),
     ):
-        if spot is None:
+        if spot is None or spot.value > NEAR:
             lines.append(f"Nothing comes near {what}.")
         elif spot.pose is not None and spot.value > 0:
             when, how_near = labels[spot.pose], _mm(spot.value)

@@ -14,11 +14,16 @@ from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
 from drapeplan.closures import Chords
-from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus, ToolPhysics
+from drapeplan.equilibrium import (
+    Equilibrium,
+    Sensitivities,
+    Settled,
+    SettledStatus,
+)
 from drapeplan.errors import InfeasibleError
-from drapeplan.frames import rotation_vectors
+from drapeplan.hanging import tool_physics
 from drapeplan.lead import DEPTH, StrokeLead, Task
-from drapeplan.legs import STROKE, cup_poses, leg_coordinates
+from drapeplan.legs import STROKE, cup_poses
 from drapeplan.motion import DIGITS, Motion, duration, schedule
 from drapeplan.path import CupState, Path
 from drapeplan.ply_rows import PlyRows
@@ -31,6 +36,7 @@ GIVEN = ("pick", "release", "retreat")  # phases with the cups on a table or let
 ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is well
 WORTH = 0.01e-3  # [m] ply deeper than believed, or fibers that gain: one more round
 SLIGHT = 0.03e-3  # [m] fibers too long by no more may yet fit, at a higher price
+SHARES = (1.0, 0.5, 0.25)  # of a correction, tried until the tool comes to rest
 LEVEL = 1e-9  # [-] change of gravity's direction in the tool frame that is none
 
 
@@ -56,7 +62,7 @@ class UnsettledError(InfeasibleError):
         else:
             what = "no rest of the tool was found"
             figure = f"{settled.residual:.3g} N m out of balance"
-            remedy = "a flatter mold, less lift, or a stiffer ply or tool would help"
+            remedy = "a flatter or less tilted mold, or another lift, would help"
         super().__init__(f"{moment}: {what} ({figure})", "", remedy)
 
 
@@ -76,16 +82,6 @@ class Settling:
     believed: Array
     iterations: NDArray[np.int_]
     least_eigenvalue: Array
-
-
-def tool_physics(cell: Cell) -> ToolPhysics:
-    """What the equilibrium needs to know of a scene's ply."""
-    ply = cell.scene.ply
-    return ToolPhysics(
-        bending=ply.bending_stiffness_Nm,
-        areal_mass=ply.areal_mass_kg_m2,
-        longest_fiber=cell.sampling.grid.span + 1e-3 * ply.take_up_mm,
-    )
 
 
 def settle_path(
@@ -173,7 +169,7 @@ class _Walk:
         room = self._room(k, fixed)
         stroke = columns[~fixed, STROKE]
         q[stroke] = np.clip(q[stroke], *room)
-        settled = self._rest(k, q, fixed, leave=False)
+        settled = self._rest(k, [q, kinematic], fixed)
         believed, iterations = 0.0, settled.iterations
         if self.lead and not fixed.all():
             settled, believed, more = self._led(k, settled, fixed, room)
@@ -241,27 +237,32 @@ class _Walk:
             rows,
             firm,
         )
-        q = settled.q + response.q @ x
-        q[stroke] = now + x
-        found = self._rest(k, q, fixed, warm=settled)
+        found, x = self._moved(k, settled, fixed, response, x)
         believed = poses[0] + response.position @ x
         error = np.linalg.norm(self._poses(found.q)[0] - believed, axis=-1)
         depth = (rows[1] + rows[0] @ x).min() if rows else 0.0
         return found, float(error.max()), float(depth)
 
-    def _rest(
-        self,
-        k: int,
-        q: Array,
-        fixed: Mask,
-        warm: Settled | None = None,
-        leave: bool = True,
-    ) -> Settled:
-        warm = warm or self.settled
-        settled = self.tool.settle(q, fixed, warm, leave=leave)
-        if settled.status != SettledStatus.SETTLED:
-            raise UnsettledError(self.path, k, settled)
-        return settled
+    def _moved(
+        self, k: int, settled: Settled, fixed: Mask, response: Sensitivities, x: Array
+    ) -> tuple[Settled, Array]:
+        """Rest after a change of strokes, of which less is made where there is none."""
+        stroke = self.columns[~fixed, STROKE]
+        for share in SHARES:
+            q = settled.q + response.q @ (share * x)
+            q[stroke] = settled.q[stroke] + share * x
+            found = self.tool.settle(q, fixed, settled)
+            if found.status == SettledStatus.SETTLED:
+                return found, share * x
+        return settled, 0.0 * x
+
+    def _rest(self, k: int, starts: list[Array], fixed: Mask) -> Settled:
+        """Rest from the first start that has one."""
+        for q in starts:
+            settled = self.tool.settle(q, fixed, self.settled, leave=False)
+            if settled.status == SettledStatus.SETTLED:
+                return settled
+        raise UnsettledError(self.path, k, settled)
 
     def _task(self, k: int, fixed: Mask) -> Task:
         path, robot = self.path, self.robot
@@ -305,35 +306,3 @@ class _Walk:
             np.array(iterations),
             np.array(least),
         )
-
-
-def kinematic_lag(cell: Cell, path: Path, arm: Array) -> tuple[float, float]:
-    """How far cups are from what the kinematic fidelity believes, before contact.
-
-    Args:
-        cell: Robot, mold and ply.
-        path: The requested path, which the kinematic fidelity believes in.
-        arm: Joint positions of the arm, shape (K, 6), in [rad].
-
-    Returns:
-        Largest distance of a free cup from where it was believed to be, in [m], and
-        largest angle, in [rad], over the last waypoint before each landing; strokes
-        that leave the tool no stable rest do not count.
-    """
-    robot = cell.robot
-    tool, columns = Equilibrium(robot, tool_physics(cell)), robot.leg_columns
-    placed = np.asarray(path.states == CupState.PLACED)
-    count = placed.sum(axis=1)
-    before = np.flatnonzero((count[:-1] > 0) & (count[1:] > count[:-1]))
-    worst, settled = np.zeros(2), None
-    for k in before:
-        believed = path.positions[k], path.rotations[k]
-        legs = leg_coordinates(robot.geometry, path.tool[k], *believed)
-        q = robot.configuration(arm[k], legs)
-        settled = tool.settle(q, placed[k], settled, stability=False)
-        if settled.status == SettledStatus.SETTLED:
-            p, R = cup_poses(robot.geometry, path.tool[k], settled.q[columns])
-            apart = np.linalg.norm(p - believed[0], axis=1).max()
-            turn = np.linalg.norm(rotation_vectors(believed[1], R), axis=1).max()
-            worst = np.maximum(worst, [apart, turn])
-    return float(worst[0]), float(worst[1])

@@ -34,6 +34,7 @@ class Wave:
         residual: Largest error of an interlink's length, shape (K,), in [m].
         surface: What the first pose lies on: the mold with its lift.
         height: Height of the first pose above that surface, [m].
+        path: The family that made it, with its parameters.
     """
 
     step: NDArray[np.int_]
@@ -45,6 +46,7 @@ class Wave:
     residual: Array
     surface: AbstractSurface
     height: float
+    path: RectangleBlendPath | HoverPath
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def _rectangle_blend(
         for tau in progress(gap, path.last_gap_mm * 1e-3, path.poses_per_step):
             surface = WeightedSum(((1.0, mold), (1 - tau, now), (tau, after)))
             log.add(surface, k, float(tau))
-    return log.wave(lifted, 0.0)
+    return log.wave(lifted, 0.0, path)
 
 
 def _fronts(
@@ -155,7 +157,7 @@ def _hover(
         for tau in progress(height, path.last_gap_mm * 1e-3, path.poses_per_step):
             offsets = height * np.where(landing, 1 - tau, ~placed)
             log.add(mold, k, float(tau), offsets)
-    return log.wave(mold, height)
+    return log.wave(mold, height, path)
 
 
 class _Log:
@@ -196,7 +198,12 @@ class _Log:
             rotations = self.targets.rotations
         self.rows.append((step, tau, net, positions, rotations))
 
-    def wave(self, surface: AbstractSurface, height: float) -> Wave:
+    def wave(
+        self,
+        surface: AbstractSurface,
+        height: float,
+        path: RectangleBlendPath | HoverPath,
+    ) -> Wave:
         """All poses as arrays, with what the first one lies on."""
         step = np.array([row[0] for row in self.rows])
         tau = np.array([row[1] for row in self.rows])
@@ -218,6 +225,7 @@ class _Log:
             np.array([row[2].residual for row in self.rows]),
             surface,
             height,
+            path,
         )
 
 

@@ -88,7 +88,23 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
 def _tool_lines(verdict: dict[str, Any]) -> list[str]:
     """How pads land, and whether the tool rests where the plan has it."""
     lines, touch, rest = [], verdict["touch"], verdict.get("rest")
-    if not touch["good"]:
+    if touch["largest_fall_mm"] > touch["fall_limit_mm"]:
+        cup, fall = tuple(touch["fall_cup"]), touch["largest_fall_mm"]
+        lines.append(
+            f"Cup {cup} is {fall:.1f} mm above the mold at the last waypoint before it "
+            "stands: how it lands was not looked at; lower path.last_gap_mm."
+        )
+    if touch["largest_slide_mm"] > touch["slide_limit_mm"]:
+        cup, slide = tuple(touch["slide_cup"]), touch["largest_slide_mm"]
+        lines.append(
+            f"Cup {cup} hangs {slide:.1f} mm beside its target right before it stands, "
+            f"{touch['slide_limit_mm']:g} are the most: a start nearer to the middle "
+            "or a mold that lies flatter would help."
+        )
+    if (
+        max(touch["inner_toe_down_deg"], touch["border_toe_down_deg"])
+        > touch["limit_deg"]
+    ):
         kind = "border cup" if touch["border"] else "cup"
         angle = max(touch["inner_toe_down_deg"], touch["border_toe_down_deg"])
         lines.append(

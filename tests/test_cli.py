@@ -496,3 +496,24 @@ def test_reader_that_leaves_early():
     ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
     os.close(writer)
     assert (ended.returncode, ended.stderr) == (141, "")
+
+
+def test_freely_given_steps_plan_with_the_default_path(
+    drapeplan, write_scene, tmp_path
+):
+    """They hover and are pressed down: the start cup by its own stroke."""
+    start = np.array([3, 2])
+    cups = np.stack(np.divmod(np.arange(48), 6), axis=1)
+    ring = np.abs(cups - start).max(axis=1)
+    steps = [cups[ring == k].tolist() for k in range(1, ring.max() + 1)]
+    scene = write_scene(
+        sequence={"start": start.tolist(), "steps": steps}, fidelity="kinematic"
+    )
+    ended = drapeplan("plan", scene, "-o", tmp_path / "plan.json")
+    assert (ended.code, ended.err) == (0, "")
+
+
+def test_options_of_the_samples_ask_for_samples(drapeplan, tmp_path):
+    ended = drapeplan("check", tmp_path / "plan.json", "--seed", "3")
+    assert ended.code == 2
+    assert "add --robustness N" in ended.err

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from drapeplan.contact import ply_over_mold
 from drapeplan.equilibrium import Equilibrium
 from drapeplan.frames import inverse, moved
+from drapeplan.hanging import tool_physics
 from drapeplan.legs import STROKE, cup_poses
 from drapeplan.path import CupState
 from drapeplan.ply_rows import LOW, MOST, PlyRows
-from drapeplan.settling import tool_physics
 from tests.settled import drape, settled, small
 from tests.test_shape import rotations as turns
 

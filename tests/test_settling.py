@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drapeplan.closures import Chords, Closures
 from drapeplan.equilibrium import Equilibrium, SettledStatus
 from drapeplan.frames import rotation_vectors
+from drapeplan.hanging import kinematic_lag, tool_physics
 from drapeplan.legs import STROKE, cup_poses, leg_coordinates
 from drapeplan.motion import duration
 from drapeplan.path import CupState
 from drapeplan.rings import outward, toe_down
-from drapeplan.settling import GIVEN, kinematic_lag, settle_path, tool_physics
+from drapeplan.settling import GIVEN, settle_path
 from drapeplan.touch import judge_touch
 from tests.plans import scene
 from tests.settled import DOME, drape, settled, settled_track, small

@@ -27,7 +27,9 @@ def track(order, leans):
     for k, (cup, lean) in enumerate(zip(order, leans, strict=True)):
         placed[k + 1 :, cup] = True
         rotations[k, cup] = about_y(np.radians(lean))
-    return SimpleNamespace(robot=ROBOT, placed=placed, poses=(None, rotations))
+    return SimpleNamespace(
+        robot=ROBOT, placed=placed, poses=(np.zeros((*placed.shape, 3)), rotations)
+    )
 
 
 def test_toe_down_of_inner_and_border_cups():
@@ -59,3 +61,24 @@ def test_the_side_decides_what_is_outward():
     """The same lean is toe-up for a cup on the other side."""
     facts = judge_touch(track([4, 3], [0.0, 3.0]), TOUCH)
     assert facts["border_toe_down_deg"] == 0
+
+
+def test_a_cup_looked_at_too_high_is_no_good():
+    """Toe-down far above the mold says nothing of how a cup lands."""
+    drape = track([3, 4], [0.0, 0.0])
+    drape.poses[0][1, 4] += [0.0, 0.0, 5e-3]
+    facts = judge_touch(drape, TOUCH)
+    assert facts["largest_fall_mm"] == pytest.approx(5.0)
+    assert facts["fall_cup"] == [1, 1]
+    assert not facts["good"]
+
+
+def test_a_cup_that_jumps_onto_its_target_is_no_good():
+    """It hangs beside its target right before it stands."""
+    drape = track([3, 4], [0.0, 0.0])
+    drape.poses[0][0, 3] += [3e-3, 4e-3, 0.0]
+    facts = judge_touch(drape, TOUCH)
+    assert facts["largest_slide_mm"] == pytest.approx(5.0)
+    assert facts["slide_cup"] == [1, 0]
+    assert facts["largest_fall_mm"] == pytest.approx(0.0)
+    assert not facts["good"]
