@@ -505,10 +505,8 @@ def test_freely_given_steps_plan_with_the_default_path(
     start = np.array([3, 2])
     cups = np.stack(np.divmod(np.arange(48), 6), axis=1)
     ring = np.abs(cups - start).max(axis=1)
-    steps = [cups[ring == k].tolist() for k in range(1, ring.max() + 1)]
-    scene = write_scene(
-        sequence={"start": start.tolist(), "steps": steps}, fidelity="kinematic"
-    )
+    steps = [cups[ring == k].tolist() for k in range(ring.max() + 1)]
+    scene = write_scene(sequence={"steps": steps}, fidelity="kinematic")
     ended = drapeplan("plan", scene, "-o", tmp_path / "plan.json")
     assert (ended.code, ended.err) == (0, "")
 
