@@ -139,6 +139,16 @@ def _bulging(
     if not gravity:
         return free
     heavy = ply_fibers(grid, *poses, **loaded, sides=sides)
+    return heavy_where_slack(free, heavy)
+
+
+def heavy_where_slack(free: PlyFibers, heavy: PlyFibers) -> PlyFibers:
+    """Fibers under weight where they leave the take-up, without it inside the band.
+
+    Args:
+        free: Fibers of some poses without weight.
+        heavy: The same under weight.
+    """
     s, t = (
         np.where((band == LengthStatus.IN_BAND)[..., None, None], own, under)
         for band, own, under in (

@@ -17,11 +17,16 @@ from drapeplan.cell import Cell
 from drapeplan.contact import FAR, HIGH
 from drapeplan.flood import air_margins, premature_margins
 from drapeplan.front_grid import FrontGrid
-from drapeplan.held_ply import PlyModel, held_points, outside_take_up, weight_on_mold
+from drapeplan.held_ply import (
+    PlyModel,
+    heavy_where_slack,
+    held_points,
+    outside_take_up,
+    weight_on_mold,
+)
 from drapeplan.noise import Draw, LinkKeeper, Spread, registered, turned
 from drapeplan.resettle import Poses, Rests, StiffnessTable
 from drapeplan.verdict import Tolerance
-from ply.fiber import LengthStatus
 from ply.sag import with_sag
 from ply.shape import PlyFibers, ply_fibers
 from ply.weave import Sides
@@ -233,14 +238,7 @@ def _bulging(cell: Cell, poses: Poses, sides: Sides, gravity: bool) -> PlyFibers
         gravity=weight_on_mold(cell),
         stiffness=ply.bending_stiffness_Nm,
     )
-    s, t = (
-        np.where((band == LengthStatus.IN_BAND)[..., None, None], own, under)
-        for band, own, under in (
-            (free.s_band, free.s, heavy.s),
-            (free.t_band, free.t, heavy.t),
-        )
-    )
-    return replace(heavy, s=s, t=t)
+    return heavy_where_slack(free, heavy)
 
 
 def _judged(course: Course, h: Array, sample: Draw, spread: Spread) -> Rollout:
