@@ -113,6 +113,7 @@ def show_verdict(
         written: Files written.
     """
     from drapeplan.sentences import ply_sentences
+    from drapeplan.words import touch_sentence
 
     files = [str(path) for path in written or []]
     if as_json:
@@ -131,6 +132,7 @@ def show_verdict(
         f"placed cups within {_bound(landing['worst_distance_mm'])} mm and "
         f"{_bound(landing['worst_angle_deg'])} deg of their targets."
     )
+    print(f"  {touch_sentence(verdict['touch'])}")
     print(
         f"  Strokes {low:.0f} to {high:.0f} mm; "
         f"{limits['least_joint_room_deg']:.1f} deg to the nearest joint limit."

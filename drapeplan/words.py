@@ -119,6 +119,20 @@ def _tool_lines(verdict: dict[str, Any]) -> list[str]:
     return lines
 
 
+def touch_sentence(touch: dict[str, Any]) -> str:
+    """How pads come down, in one sentence.
+
+    Args:
+        touch: The verdict's part on it.
+    """
+    inner, border = touch["inner_toe_down_deg"], touch["border_toe_down_deg"]
+    return (
+        f"Pads land up to {inner:.1f} deg toe first inside, {border:.1f} at the border, "
+        f"of {touch['limit_deg']:.1f}; cups slide up to "
+        f"{touch['largest_slide_mm']:.1f} mm onto their targets."
+    )
+
+
 def _laid_lines(laid: dict[str, Any]) -> list[str]:
     """What keeps the laid ply from lying on the mold."""
     if laid["good"]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drapeplan.touch import judge_touch
+from drapeplan.words import touch_sentence
 
 ROWS, COLUMNS, N = 3, 3, 9
 ROBOT = SimpleNamespace(
@@ -82,3 +83,10 @@ def test_a_cup_that_jumps_onto_its_target_is_no_good():
     assert facts["slide_cup"] == [1, 0]
     assert facts["largest_fall_mm"] == pytest.approx(0.0)
     assert not facts["good"]
+
+
+def test_the_landing_in_one_sentence():
+    facts = judge_touch(track([3, 4, 5], [9.0, 0.4, 1.0]), TOUCH)
+    words = touch_sentence(facts)
+    assert "0.4 deg toe first inside, 1.0 at the border, of 1.2" in words
+    assert "slide up to 0.0 mm" in words
