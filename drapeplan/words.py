@@ -126,10 +126,10 @@ def touch_sentence(touch: dict[str, Any]) -> str:
         touch: The verdict's part on it.
     """
     inner, border = touch["inner_toe_down_deg"], touch["border_toe_down_deg"]
+    limit, slide = touch["limit_deg"], touch["largest_slide_mm"]
     return (
-        f"Pads land up to {inner:.1f} deg toe first inside, {border:.1f} at the "
-        f"border, of {touch['limit_deg']:.1f}; cups slide up to {touch['largest_slide_mm']:.1f} mm "
-        "onto their targets."
+        f"Pads land up to {inner:.1f} deg toe first inside, {border:.1f} at the border, "
+        f"of {limit:.1f}; cups slide up to {slide:.1f} mm onto their targets."
     )
 
 
