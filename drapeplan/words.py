@@ -128,7 +128,7 @@ def touch_sentence(touch: dict[str, Any]) -> str:
     inner, border = touch["inner_toe_down_deg"], touch["border_toe_down_deg"]
     limit, slide = touch["limit_deg"], touch["largest_slide_mm"]
     return (
-        f"Pads land up to {inner:.1f} deg toe first inside, {border:.1f} at the border, "
+        f"Pads land up to {inner:.1f} deg toe first inside, {border:.1f} at the rim, "
         f"of {limit:.1f}; cups slide up to {slide:.1f} mm onto their targets."
     )
 

@@ -88,5 +88,5 @@ def test_a_cup_that_jumps_onto_its_target_is_no_good():
 def test_the_landing_in_one_sentence():
     facts = judge_touch(track([3, 4, 5], [9.0, 0.4, 1.0]), TOUCH)
     words = touch_sentence(facts)
-    assert "0.4 deg toe first inside, 1.0 at the border, of 1.2" in words
+    assert "0.4 deg toe first inside, 1.0 at the rim, of 1.2" in words
     assert "slide up to 0.0 mm" in words
