@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks._timing import median_time
 from drapeplan.cell import Cell, build_cell, read_sources
 from drapeplan.contact import FAR, HIGH, front_grid, judge_contact
+from drapeplan.equilibrium import Equilibrium
 from drapeplan.flood import air_margins, escape_level, pass_level, premature_margins
 from drapeplan.frames import inverse, moved
 from drapeplan.front import (
@@ -21,7 +22,9 @@ from drapeplan.front import (
     pose_measures,
     premature_regions,
 )
+from drapeplan.hanging import tool_physics
 from drapeplan.held_ply import held_fibers, held_points
+from drapeplan.legs import STROKE, cup_poses, leg_coordinates
 from drapeplan.path import CupState
 from drapeplan.planner import make_request
 from drapeplan.ply_choice import choose_ply
@@ -52,6 +55,7 @@ def run(quick: bool) -> dict:
     result: dict[str, Any] = {"first_call_s": time.perf_counter() - first_calls}
     result |= whole_plan(*case, max(3, repeats // 20))
     result |= rollouts(*case, max(3, repeats // 10))
+    result |= settled_rollouts(*case, max(2, repeats // 20))
     return result | one_pose(repeats)
 
 
@@ -152,6 +156,54 @@ def rollouts(
         "rollout_samples": float(in_window[0].size),
         "rollouts_per_s": TRIES / total,
         "rollout_share_ply_and_gap": shapes * TRIES / 8 / total,
+    }
+
+
+def settled_rollouts(
+    cell: Cell,
+    sequence: Sequence,
+    poses: tuple[np.ndarray, ...],
+    placed: np.ndarray,
+    landing: np.ndarray,
+    repeats: int,
+) -> dict[str, float]:
+    """The same from strokes that are off: the tool settles at each pose first."""
+    robot, path = cell.robot, make_request(cell, sequence).path
+    chosen = np.flatnonzero(placed.any(axis=1))[STEP_POSES : 2 * STEP_POSES]
+    frame = path.tool[chosen[0]]
+    arm = robot.arm_inverse(frame, np.array(cell.scene.robot.home_rad))
+    world = path.positions[chosen], path.rotations[chosen]
+    legs = leg_coordinates(robot.geometry, frame, *world)
+    free = ~placed[chosen]
+    noise = np.random.default_rng(0).normal(size=free.shape)
+    legs[..., STROKE] += NOISE * free * noise
+    tool = Equilibrium(robot, tool_physics(cell))
+    window = StepWindow.of(
+        cell,
+        sequence.index(sequence.start_cup),
+        (poses[0][-1], poses[1][-1]),
+        *WINDOW,
+    )
+
+    def settle() -> np.ndarray:
+        warm, rests = None, []
+        for pose, fixed in zip(legs, placed[chosen], strict=True):
+            q = robot.configuration(arm, pose)
+            warm = tool.settle(q, fixed, warm, stability=False)
+            rests.append(warm.q[robot.leg_columns])
+        return np.stack(rests)
+
+    def labels(rests: np.ndarray) -> np.ndarray:
+        cups = cup_poses(robot.geometry, frame, rests)
+        p, R = moved(inverse(cell.world_mold), *cups)
+        near = p[None][:, :, window.cups], R[None][:, :, window.cups]
+        return window.faults(*near, placed[chosen], landing[chosen])
+
+    rests = settle()
+    total = thread_time(lambda: labels(settle()), repeats)
+    return {
+        "settled_rollouts_per_s": 1 / total,
+        "settled_rollout_share_labels": thread_time(lambda: labels(rests), 10) / total,
     }
 
 
