@@ -20,7 +20,9 @@ from drapeplan.path import CupState, Path
 from drapeplan.robot import ReachError
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
+LEVEL = 1e-9  # [rad], [m], [-] change of a joint or of the vertical that is none
 PASSES = 4  # each leaves about a tenth of what the one before left
 DIGITS = 6  # decimals of the shift in [m]
 
@@ -83,6 +85,24 @@ def shifted(path: Path, shift: Array) -> Path:
     tool = path.tool.copy()
     tool[path.phase.index("approach") :, :3, 3] += shift
     return replace(path, tool=tool)
+
+
+def rides_level(tool: Array, legs: Array, fixed: Mask) -> Mask:
+    """Waypoints at which the tool carries on as it was: nothing settles anew.
+
+    Args:
+        tool: Placements of tool0, shape (K, 4, 4).
+        legs: Joint positions of the legs, shape (K, n, 6), in [rad] and [m].
+        fixed: Cups that stand, shape (K, n).
+
+    Returns:
+        Whether legs, standing cups and the vertical in the tool frame are those of the
+        waypoint before, shape (K,); the first one is not.
+    """
+    moved = np.abs(np.diff(legs, axis=0)).max(axis=(1, 2))
+    tilted = np.abs(np.diff(tool[:, 2, :3], axis=0)).max(axis=1)
+    same = (fixed[1:] == fixed[:-1]).all(axis=1)
+    return np.append(False, same & (moved < LEVEL) & (tilted < LEVEL))
 
 
 def kinematic_lag(cell: Cell, path: Path, arm: Array) -> tuple[float, float]:

@@ -18,9 +18,8 @@ from scipy.spatial.transform import Rotation
 from drapeplan.cell import Cell
 from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
 from drapeplan.frames import inverse, moved, rotation_vectors
-from drapeplan.hanging import tool_physics
+from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.legs import cup_poses, leg_coordinates
-from drapeplan.settling import LEVEL
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -70,8 +69,9 @@ class Rests:
         rows = self._standing(real) if real else self.q
         settled: Settled | None = None
         legs = np.empty((len(rows), *columns.shape))
+        rides = rides_level(self.tool, self.q[:, columns], self.fixed)
         for k, q in enumerate(rows):  # a waypoint starts from the one before
-            if k and self._rides(k):
+            if rides[k]:
                 legs[k] = legs[k - 1]
             elif self.fixed[k].all():
                 legs[k] = q[columns]
@@ -86,15 +86,6 @@ class Rests:
 
     def _in_mold(self, poses: Poses) -> Poses:
         return moved(inverse(self.cell.world_mold), *poses)
-
-    def _rides(self, k: int) -> bool:
-        """Whether the tool is carried along level, nothing else changed."""
-        legs, down = self.q[:, self.cell.robot.leg_columns], self.tool[:, 2, :3]
-        return bool(
-            (self.fixed[k] == self.fixed[k - 1]).all()
-            and np.abs(legs[k] - legs[k - 1]).max() < LEVEL
-            and np.abs(down[k] - down[k - 1]).max() < LEVEL
-        )
 
     def _before_landing(self, k: int) -> bool:
         """Whether cups are placed at the next waypoint."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from drapeplan.cell import Cell
 from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
 from drapeplan.frames import rotation_vectors
-from drapeplan.hanging import tool_physics
+from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.legs import cup_poses
-from drapeplan.settling import GIVEN, LEVEL
+from drapeplan.settling import GIVEN
 from drapeplan.track import Track
 
 Array = NDArray[np.float64]
@@ -36,9 +36,10 @@ def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
     columns, fixed = cell.robot.leg_columns, track.placed
     moves, least = np.zeros(len(track.phase)), np.full(len(track.phase), np.inf)
     warm: Settled | None = None
-    for k in range(track.held.stop):
-        if track.phase[k] in GIVEN or fixed[k].all() or _rides(track, k):
-            continue
+    given = np.isin(track.phase, GIVEN)
+    rides = rides_level(track.tool, track.legs, fixed) & ~np.append(True, given[:-1])
+    settles = ~(given | rides | fixed.all(axis=1))
+    for k in np.flatnonzero(settles[: track.held.stop]):
         warm = tool.settle(track.q[k], fixed[k], warm)
         poses = cup_poses(cell.robot.geometry, track.tool[k], warm.q[columns])
         was = track.poses[0][k], track.poses[1][k]
@@ -65,15 +66,3 @@ def _apart(
     move = np.linalg.norm(poses[0] - was[0], axis=-1)
     turn = np.linalg.norm(rotation_vectors(poses[1], was[1]), axis=-1)
     return float((move + half_width * turn).max())
-
-
-def _rides(track: Track, k: int) -> bool:
-    """Whether the tool is as it was, carried along level."""
-    if k == 0 or track.phase[k - 1] in GIVEN:
-        return False
-    down = track.tool[k - 1 : k + 1, 2, :3]
-    return (
-        bool((track.placed[k] == track.placed[k - 1]).all())
-        and np.abs(track.legs[k] - track.legs[k - 1]).max() < LEVEL
-        and np.abs(down[1] - down[0]).max() < LEVEL
-    )

@@ -21,7 +21,7 @@ from drapeplan.equilibrium import (
     SettledStatus,
 )
 from drapeplan.errors import InfeasibleError
-from drapeplan.hanging import tool_physics
+from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.lead import DEPTH, StrokeLead, Task
 from drapeplan.legs import STROKE, cup_poses
 from drapeplan.motion import DIGITS, Motion, duration, schedule
@@ -37,7 +37,6 @@ ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is w
 WORTH = 0.01e-3  # [m] ply deeper than believed, or fibers that gain: one more round
 SLIGHT = 0.03e-3  # [m] fibers too long by no more may yet fit, at a higher price
 SHARES = (1.0, 0.5, 0.25)  # of a correction, tried until the tool comes to rest
-LEVEL = 1e-9  # [-] change of gravity's direction in the tool frame that is none
 
 
 class UnsettledError(InfeasibleError):
@@ -127,6 +126,9 @@ class _Walk:
         last = len(path.phase) - 1 - path.phase[::-1].index("wave")
         self.ply = PlyRows(cell, (path.positions[last], path.rotations[last]))
         self.start = placed[placed.any(axis=1).argmax()]
+        legs = motion.q[:, self.columns]
+        given = np.append(True, np.isin(path.phase[:-1], GIVEN))
+        self.rides = ~given & rides_level(path.tool, legs, placed)
         self.carry = np.zeros((n, 6))  # settled legs less the kinematic ones
         self.settled: Settled | None = None
         self.rows: list[Array] = []
@@ -136,7 +138,7 @@ class _Walk:
         """Append the joint positions of waypoint k."""
         if self.path.phase[k] in GIVEN:
             self._append(self.motion.q[k], (0.0, 0, np.inf))
-        elif k and self._same_as_before(k):
+        elif self.rides[k]:
             q = self.rows[-1].copy()
             q[self.robot.arm_columns] = self.motion.q[k, self.robot.arm_columns]
             self._append(q, (0.0, 0, self.facts[-1][2]))
@@ -146,19 +148,6 @@ class _Walk:
     def _append(self, q: Array, facts: tuple[float, int, float]) -> None:
         self.rows.append(np.round(q, DIGITS))
         self.facts.append(facts)
-
-    def _same_as_before(self, k: int) -> bool:
-        """Whether the cups ride on a tool that stays as level as it was."""
-        path, legs = self.path, self.motion.q[:, self.columns]
-        down = path.tool[k - 1 : k + 1, 2, :3]  # the vertical in the tool frame
-        fixed = path.states[k - 1 : k + 1] == CupState.PLACED
-        return (
-            path.phase[k - 1] not in GIVEN
-            and self.settled is not None
-            and np.abs(legs[k] - legs[k - 1]).max() < LEVEL
-            and np.abs(down[1] - down[0]).max() < LEVEL
-            and bool((fixed[0] == fixed[1]).all())
-        )
 
     def _settle(self, k: int) -> None:
         path, columns = self.path, self.columns
