@@ -509,6 +509,9 @@ def test_freely_given_steps_plan_with_the_default_path(
     scene = write_scene(sequence={"steps": steps}, fidelity="kinematic")
     ended = drapeplan("plan", scene, "-o", tmp_path / "plan.json")
     assert (ended.code, ended.err) == (0, "")
+    waypoints = json.loads((tmp_path / "plan.json").read_text())["waypoints"]
+    phases = [waypoint["phase"] for waypoint in waypoints]
+    assert phases.index("approach") < phases.index("preshape")  # it arrives flat
 
 
 def test_options_of_the_samples_ask_for_samples(drapeplan, tmp_path):

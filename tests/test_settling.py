@@ -208,3 +208,50 @@ def test_stiffness_and_take_up_come_from_the_scene():
     assert physics.bending == 0.005
     assert physics.areal_mass == 0.5
     assert physics.longest_fiber == pytest.approx(0.0703)
+
+
+def away(kinematic, own):
+    """Largest way of a stroke from the nearest waypoint of the request, [m]."""
+    apart = np.abs(own[:, None] - kinematic).max(axis=-1)
+    return apart.min(axis=1).max()
+
+
+class Fussy(Equilibrium):
+    """Refuses to rest where a stroke is too far from those of the request."""
+
+    most = np.inf  # [m]
+    kinematic = None  # strokes that are always taken, shape (K, n)
+
+    def settle(self, q, fixed, *rest, **options):
+        found = super().settle(q, fixed, *rest, **options)
+        own = q[self.robot.leg_columns[:, STROKE]]
+        if away(self.kinematic, own[None]) <= self.most:
+            return found
+        return replace(found, status=SettledStatus.FAILED)
+
+
+@pytest.fixture
+def fussy(monkeypatch):
+    """The saddle's path, settled by a tool that takes some corrections alone."""
+
+    def settle(most):
+        made = small("saddle")
+        monkeypatch.setattr(Fussy, "kinematic", strokes(made, made.motion))
+        monkeypatch.setattr(Fussy, "most", most)
+        monkeypatch.setattr("drapeplan.settling.Equilibrium", Fussy)
+        motion = settle_path(made.cell, made.request.path, made.motion).motion
+        return away(strokes(made, made.motion), strokes(made, motion))
+
+    return settle
+
+
+def test_a_correction_without_a_rest_is_made_in_part(fussy):
+    """Part of it is better than none, and the path goes on."""
+    made = small("saddle")
+    both = made.motion, settled("saddle").motion
+    most = 0.6 * away(*(strokes(made, motion) for motion in both))
+    assert 0.3 * most < fussy(most) <= most + ROUNDED
+
+
+def test_where_no_correction_rests_the_strokes_of_the_request_stay(fussy):
+    assert fussy(1e-9) <= 1e-9
