@@ -16,6 +16,8 @@ from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
 from drapeplan.path import CupState
 from drapeplan.plan import Plan, document_hash, source_hashes
 from drapeplan.planner import lag_facts, make_request, net_facts, refill
+from drapeplan.robustness import Robustness, robustness
+from drapeplan.robustness_words import document as plain
 from drapeplan.settling import GIVEN
 from drapeplan.words import failures
 
@@ -36,12 +38,19 @@ class Check:
         differing: Recomputed values that differ from the file's.
         violated: Physical limits that the plan does not keep, and a bad verdict.
         verdict: The recomputed verdict; empty if nothing could be recomputed.
+        robust: The samples that the plan tells of, drawn anew; None where it has none.
     """
 
     broken: tuple[str, ...]
     differing: tuple[str, ...]
     violated: tuple[str, ...]
     verdict: dict[str, Any]
+    robust: Robustness | None = None
+
+    @property
+    def holds_together(self) -> bool:
+        """Whether the file is what it was, and all follows from it."""
+        return bool(self.verdict and not (self.broken or self.differing))
 
     @property
     def passed(self) -> bool:
@@ -55,15 +64,19 @@ def check_plan(plan: Plan) -> Check:
     Args:
         plan: The plan as read.
     """
-    broken = list(_hashes(plan.document))
+    broken, told = list(_hashes(plan.document)), plan.document.get("robustness")
     try:
         differing = list(_differences(plan))
         verdict, contact = plan.judged
     except UNUSABLE as error:
         return Check(tuple(broken), (f"nothing can be recomputed: {error}",), (), {})
     differing += _compare("verdict", plan.document["verdict"], verdict)
+    robust = None
+    if told and not differing:
+        robust = robustness(plan, told["samples"], depth=told["depth"])
+        differing += _compare("robustness", told, plain(robust))
     violated = failures(verdict, contact.front, plan.track)
-    return Check(tuple(broken), tuple(differing), tuple(violated), verdict)
+    return Check(tuple(broken), tuple(differing), tuple(violated), verdict, robust)
 
 
 def _hashes(document: dict[str, Any]) -> Iterator[str]:

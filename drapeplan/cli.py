@@ -6,19 +6,14 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from drapeplan.console import draw_first_touch, say_error, show_progress, show_verdict
-from drapeplan.errors import DrapeplanError, InfeasibleError, InputError
+from drapeplan.console import say_error
+from drapeplan.errors import DrapeplanError, InputError
 from drapeplan.files import check_outputs, unwritable
-
-if TYPE_CHECKING:
-    from drapeplan.scene import Scene
 
 # One BLAS thread: sums in one order, so the same bytes every time.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -78,20 +73,6 @@ def _unforeseen(error: Exception, as_json: bool) -> int:
     return code
 
 
-@contextmanager
-def _naming(scene: Path) -> Iterator[None]:
-    """Errors that know a key of the scene, yet not its file, get the file."""
-    try:
-        yield
-    except InputError as error:
-        section = error.source.split(".")[0]
-        if section not in ("scene", "robot", "tool", "mold"):
-            raise
-        parts = [error.source.removeprefix("scene"), error.key]
-        key = ".".join(part for part in parts if part)
-        raise InputError(str(scene), key, error.problem, error.remedy) from error
-
-
 @app.command()
 def plan(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (YAML).")],
@@ -100,36 +81,15 @@ def plan(
     seed: Annotated[
         int | None, typer.Option(help="Overrides the scene's seed.")
     ] = None,
+    robustness: Annotated[
+        int | None, typer.Option(help="Samples under uncertainty, kept in the plan.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Plan the drape of one ply and say whether it meets the mold outward."""
-    from drapeplan.planner import make_plan
-    from drapeplan.scene import read_scene
-    from drapeplan.words import summary
+    from drapeplan.commands_plan import plan_command
 
-    read = read_scene(scene)
-    if seed is not None:
-        if seed < 0:
-            raise InputError("--seed", "", f"must be at least 0 (found {seed})")
-        read = read.model_copy(update={"seed": seed})
-    written = [output, figure] if figure else [output]
-    check_outputs(written, _inputs(read, scene))
-    try:
-        with _naming(scene), show_progress(as_json) as progress:
-            outcome = make_plan(read, scene.parent, str(scene), progress)
-    except InfeasibleError:
-        if output.exists():
-            print(f"nothing written: {output} is of an earlier run", file=sys.stderr)
-        raise
-    result = outcome.plan
-    result.write(output)
-    verdict = result.verdict
-    front, lag = outcome.contact.front, result.document["kinematic_lag"]
-    lines = summary(verdict, front, result.track, lag)
-    if figure:
-        draw_first_touch(figure, result, outcome.contact, scene.stem)
-    show_verdict(verdict, lines, as_json, written=written)
-    return 0 if verdict["good"] else 1
+    return plan_command(scene, output, figure, seed, robustness, as_json)
 
 
 @app.command()
@@ -323,7 +283,7 @@ def schema(
     if what == "scene":
         from drapeplan.scene import Scene as Model
     elif what == "plan":
-        from drapeplan.plan import Document as Model  # type: ignore[assignment]
+        from drapeplan.plan_file import Document as Model  # type: ignore[assignment]
     elif what == "cups":
         from drapeplan.cups_file import CupsFile as Model  # type: ignore[assignment]
     else:
@@ -332,10 +292,3 @@ def schema(
         )
     print(json.dumps(Model.model_json_schema(), indent=2))
     return 0
-
-
-def _inputs(read: Scene, scene: Path) -> list[Path]:
-    """Files that a scene is read from."""
-    mesh, urdfs = read.mold.mesh, (read.robot.urdf, read.tool.urdf)
-    named = [mesh.path if mesh else None, *urdfs]
-    return [scene, *(scene.parent / name for name in named if name)]

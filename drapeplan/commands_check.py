@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from drapeplan.check import Check, check_plan
-from drapeplan.console import draw_first_touch, show_verdict
+from drapeplan.console import draw_first_touch, show_robustness, show_verdict
 from drapeplan.errors import InputError
 from drapeplan.files import check_outputs
 from drapeplan.plan import Plan
+from drapeplan.report_robustness import tornado_figure
+from drapeplan.robustness import Depth, Robustness, check_samples, robustness
+from drapeplan.robustness_words import document as plain
 from drapeplan.words import summary
-
-if TYPE_CHECKING:
-    from drapeplan.robustness import Robustness
 
 
 @dataclass(frozen=True)
@@ -59,16 +59,16 @@ def check_command(
         _check_options(doubt)
     plan = Plan.read(plan_file)
     found = check_plan(plan)
-    sound = found.verdict and not (found.broken or found.differing)
-    robust = _robustness(plan, doubt) if doubt and sound else None
-    if figure and robust:
-        _draw_tornado(figure, robust, plan_file.stem)
+    if doubt and found.holds_together:
+        found = replace(found, robust=_doubted(plan, doubt, found.robust))
+    if figure and doubt and found.robust:
+        tornado_figure(figure, found.robust, plan_file.stem)
     elif figure and found.verdict:
         draw_first_touch(figure, plan, plan.judged[1], plan_file.stem)
     if as_json:
-        print(json.dumps(_document(found, robust)))
+        print(json.dumps(_document(found)))
     else:
-        _show(plan_file, plan, found, robust, doubt)
+        _show(plan_file, plan, found, doubt)
     return 0 if found.passed else 1
 
 
@@ -77,52 +77,32 @@ def _check_options(doubt: Doubt) -> None:
     if doubt.depth not in ("poses", "tool"):
         problem = f"no depth is called {doubt.depth!r}"
         raise InputError("--depth", "", problem, "poses, tool")
-    if doubt.samples < 1:
-        problem = f"must be at least 1 (found {doubt.samples})"
-        raise InputError("--robustness", "", problem, "64 give a first idea")
+    check_samples(doubt.samples)
     if doubt.seed is not None and doubt.seed < 0:
         raise InputError("--seed", "", f"must be at least 0 (found {doubt.seed})")
     if doubt.workers is not None and doubt.workers < 1:
         raise InputError("--workers", "", f"must be at least 1 (found {doubt.workers})")
 
 
-def _robustness(plan: Plan, doubt: Doubt) -> Robustness:
-    from drapeplan.robustness import robustness
-
-    return robustness(
-        plan,
-        doubt.samples,
-        seed=doubt.seed,
-        workers=doubt.workers,
-        depth="tool" if doubt.depth == "tool" else "poses",
-    )
+def _doubted(plan: Plan, doubt: Doubt, known: Robustness | None) -> Robustness:
+    """Samples as asked for, those that the check has drawn already if they are."""
+    seed = plan.scene.seed if doubt.seed is None else doubt.seed
+    asked = doubt.samples, seed, doubt.depth
+    if known and (len(known.rollouts), known.seed, known.depth) == asked:
+        return known
+    depth: Depth = "tool" if doubt.depth == "tool" else "poses"
+    return robustness(plan, asked[0], seed=seed, workers=doubt.workers, depth=depth)
 
 
-def _draw_tornado(figure: Path, robust: Robustness, title: str) -> None:
-    from drapeplan.report_robustness import tornado_figure
-
-    tornado_figure(figure, robust, title)
-
-
-def _document(found: Check, robust: Robustness | None) -> dict[str, Any]:
+def _document(found: Check) -> dict[str, Any]:
     """One JSON document."""
     document: dict[str, Any] = {"good": found.passed, "broken": found.broken}
     document |= {"differing": found.differing, "violated": found.violated}
     document |= {"verdict": found.verdict}
-    if robust:
-        from drapeplan.robustness_words import document as plain
-
-        document["robustness"] = plain(robust)
-    return document
+    return document | ({"robustness": plain(found.robust)} if found.robust else {})
 
 
-def _show(
-    plan_file: Path,
-    plan: Plan,
-    found: Check,
-    robust: Robustness | None,
-    doubt: Doubt | None,
-) -> None:
+def _show(plan_file: Path, plan: Plan, found: Check, doubt: Doubt | None) -> None:
     """Lines on stdout."""
     for name in ("broken", "differing", "violated"):
         label = "differs" if name == "differing" else name
@@ -132,12 +112,8 @@ def _show(
         print(f"{plan_file}: holds; everything recomputed agrees.")
         front, lag = plan.judged[1].front, plan.document["kinematic_lag"]
         facts = summary(found.verdict, front, plan.track, lag)
-        show_verdict(found.verdict, facts, False)
-    if doubt and not robust:
+        show_verdict(found.verdict, facts, False, found.robust)
+    elif found.robust:
+        show_robustness(found.robust)
+    elif doubt:
         print("not judged under uncertainty: the file does not hold")
-    if robust:
-        from drapeplan.robustness_words import approximations, lines
-
-        print(*lines(robust), sep="\n")
-        for line in approximations(robust):
-            print(f"  ({line})")

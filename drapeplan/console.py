@@ -16,6 +16,7 @@ from drapeplan.files import unwritable
 
 if TYPE_CHECKING:
     from drapeplan.planner import Progress
+    from drapeplan.robustness import Robustness
 
 
 def say_error(error: DrapeplanError, as_json: bool) -> None:
@@ -102,6 +103,7 @@ def show_verdict(
     verdict: dict[str, Any],
     lines: list[str],
     as_json: bool,
+    robust: Robustness | None = None,
     written: list[Path] | None = None,
 ) -> None:
     """Verdict with its margins, and the files written, on stdout.
@@ -110,16 +112,21 @@ def show_verdict(
         verdict: The verdict as plain data.
         lines: The same in words.
         as_json: Whether one JSON document is wanted.
+        robust: What becomes of the plan under uncertainty, where that was asked.
         written: Files written.
     """
+    from drapeplan.robustness_words import document
+    from drapeplan.robustness_words import sentences as doubts
     from drapeplan.sentences import ply_sentences
     from drapeplan.words import touch_sentence
 
     files = [str(path) for path in written or []]
     if as_json:
+        lines = [*lines, *(doubts(robust) if robust else [])]
         good = verdict["good"]
-        document = {"good": good, "sentences": lines, "written": files}
-        print(json.dumps({**document, "verdict": verdict}))
+        facts = {"good": good, "sentences": lines, "written": files, "verdict": verdict}
+        more = {"robustness": document(robust)} if robust else {}
+        print(json.dumps({**facts, **more}))
         return
     print("good" if verdict["good"] else "not good")
     for line in lines:
@@ -157,8 +164,19 @@ def show_verdict(
         count = len(row["cups"])
         print(f"  {row['step']:4d}  {count:4d}  {early:>12}  {air:>13}  {depth:14.3f}")
     print("  (-: nothing threatens)")
+    if robust:
+        show_robustness(robust)
     for name in files:
         print(f"wrote {name}")
+
+
+def show_robustness(robust: Robustness) -> None:
+    """What becomes of a plan under uncertainty, on stdout."""
+    from drapeplan.robustness_words import approximations, sentences, table
+
+    print(*sentences(robust), *table(robust), sep="\n")
+    for line in approximations(robust):
+        print(f"  ({line})")
 
 
 def _bound(value: float) -> str:

@@ -9,16 +9,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from drapeplan.cell import Cell, Sources, build_cell
 from drapeplan.errors import InputError
 from drapeplan.files import write_text
 from drapeplan.judge import Contact, judge
+from drapeplan.plan_file import Document
 from drapeplan.scene import Scene, scene_from
 from drapeplan.sequence import Sequence, make_sequence
 from drapeplan.track import Track
@@ -27,65 +28,6 @@ Array = NDArray[np.float64]
 FORMAT = "drapeplan-plan/1"
 DIGITS = 12  # decimals of poses: far finer than what a check tells apart
 PACKAGES = ("drapeplan", "pin", "qpsolvers", "osqp", "numpy", "scipy")
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class _Arm(_Strict):
-    urdf: str
-    joint_names: list[str]
-
-
-class _Tool(_Strict):
-    urdf: str
-    sidecar: str
-    leg_joint_names: list[list[str]]
-
-
-class _Targets(_Strict):
-    position_m: list[list[float]]
-    rotation: list[list[list[float]]]
-
-
-class _Sequence(_Strict):
-    start_cup: tuple[int, int]
-    pattern: str
-    steps: list[list[tuple[int, int]]]
-
-
-class _Waypoint(_Strict):
-    phase: Literal["pick", "lift", "preshape", "approach", "wave", "release", "retreat"]
-    step: int
-    tau: float
-    time_s: float
-    arm_rad: list[float]
-    legs: list[list[float]]
-    strokes_m: list[float]
-    position_m: list[list[float]]
-    rotation: list[list[list[float]]]
-    cups: str
-
-
-class Document(_Strict):
-    """The file's keys; `scene` and `mold` have readers of their own."""
-
-    format: Literal["drapeplan-plan/1"]
-    hash: str
-    versions: dict[str, str]
-    scene: dict[str, Any]
-    sources_sha256: dict[str, str]
-    arm: _Arm
-    tool: _Tool
-    mold: dict[str, Any]
-    sequence: _Sequence
-    net: dict[str, float]
-    kinematic_lag: dict[str, float]
-    tool_shift_m: tuple[float, float, float]
-    targets: _Targets
-    waypoints: list[_Waypoint]
-    verdict: dict[str, Any]
 
 
 def _no_number(name: str) -> None:
@@ -195,6 +137,15 @@ class Plan:
     def verdict(self) -> dict[str, Any]:
         """The verdict as the file has it."""
         return dict(self.document["verdict"])
+
+    def doubted(self, robustness: dict[str, Any]) -> Plan:
+        """The same plan with what becomes of it under uncertainty.
+
+        Args:
+            robustness: As in `plan_file.RobustnessBlock`.
+        """
+        document = {**self.document, "robustness": robustness}
+        return Plan({**document, "hash": document_hash(document)})
 
 
 def make_document(

@@ -23,6 +23,7 @@ from drapeplan.front_grid import FrontGrid
 from drapeplan.intervals import share_interval
 from drapeplan.noise import PARAMETERS, LinkKeeper, Spread, draw
 from drapeplan.plan import Plan
+from drapeplan.plan_file import MOST_SAMPLES
 from drapeplan.resettle import NODES, Rests, StiffnessTable
 from drapeplan.rolling import Course, Rollout, roll
 from drapeplan.scene import UncertaintySection
@@ -37,7 +38,6 @@ CAP = 3e-3  # [m] margins beyond are all the same: nothing threatens
 ALONE = 32  # [-] most samples for what one parameter does alone
 SHARE = 4  # [-] parts of the work that each process gets, to end together
 WORTH = 400  # [-] samples from which more processes repay their start
-MOST = 100_000  # [-] samples: hours of work
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,7 @@ def robustness(
     Raises:
         InputError: There are no samples, or too many.
     """
-    if not 1 <= samples <= MOST:
-        problem = f"must be 1 to {MOST} (found {samples})"
-        raise InputError("--robustness", "", problem, "64 give a first idea")
+    check_samples(samples)
     stated = stated or plan.scene.uncertainty
     seed = plan.scene.seed if seed is None else seed
     spread = Spread.of(stated)
@@ -175,6 +173,17 @@ def robustness(
         tuple(done[:samples]),
         tuple(sorted(effects, key=lambda one: one.rank, reverse=True)),
     )
+
+
+def check_samples(samples: int) -> None:
+    """Refuse a number of samples, before the work.
+
+    Raises:
+        InputError: There are no samples, or too many.
+    """
+    if not 1 <= samples <= MOST_SAMPLES:
+        problem = f"must be 1 to {MOST_SAMPLES} (found {samples})"
+        raise InputError("--robustness", "", problem, "64 give a first idea")
 
 
 def make_course(

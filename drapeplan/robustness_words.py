@@ -37,23 +37,17 @@ def approximations(found: Robustness) -> list[str]:
     return [*POSES, *depth]
 
 
-def lines(found: Robustness) -> list[str]:
-    """A plan under uncertainty in words and a table.
+def sentences(found: Robustness) -> list[str]:
+    """A plan under uncertainty: P, margins, press depth, the worst step.
 
     Args:
         found: What became of the samples.
     """
-    return [
-        *_answer(found),
-        *_margins(found),
-        _press(found),
-        _worst_step(found),
-        *_tornado(found),
-    ]
+    return [*_answer(found), *_margins(found), _press(found), _worst_step(found)]
 
 
 def document(found: Robustness) -> dict[str, Any]:
-    """The same as plain data, the unit in the key."""
+    """The same as plain data, the unit in the key: `plan_file.RobustnessBlock`."""
     low, high = found.interval
     rollouts = found.rollouts
     step = found.worst_step
@@ -144,7 +138,12 @@ def _worst_step(found: Robustness) -> str:
     )
 
 
-def _tornado(found: Robustness) -> list[str]:
+def table(found: Robustness) -> list[str]:
+    """What each parameter does alone, a row each; none where nobody looked.
+
+    Args:
+        found: What became of the samples.
+    """
     if not found.effects:
         return []
     count = len(found.effects[0].rollouts)

@@ -25,8 +25,8 @@ HOMES = {
         "drapeplan.scan",  # PLY scans
     },
     "pydantic": {
-        *("drapeplan.scene", "drapeplan.plan", "drapeplan.cups_file"),  # file formats
-        "drapeplan.reading",  # turns pydantic's findings into one line
+        *("drapeplan.scene", "drapeplan.plan_file", "drapeplan.cups_file"),  # formats
+        *("drapeplan.reading", "drapeplan.plan"),  # pydantic's findings in one line
     },
     "yaml": {"drapeplan.reading", "urdf.sidecar", "urdf.generate"},
     "meshcat": {"viewer.page"},  # its script, by package metadata
@@ -164,7 +164,7 @@ def test_viewer_is_for_the_command_line_alone_and_late(name):
 
 @pytest.mark.parametrize("name", MODULES)
 def test_planner_is_for_the_command_line_and_the_check(name):
-    users = {"drapeplan.cli", "drapeplan.console", "drapeplan.check"}
+    users = {"drapeplan.commands_plan", "drapeplan.console", "drapeplan.check"}
     if name not in users:
         assert "drapeplan.planner" not in imports(name)
     if name not in ("drapeplan.__main__",):

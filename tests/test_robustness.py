@@ -5,16 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from drapeplan.errors import InputError
 from drapeplan.intervals import share_interval
 from drapeplan.noise import Spread
+from drapeplan.plan import Plan
 from drapeplan.report_robustness import tornado_figure
 from drapeplan.robustness import CAP, Effect, Robustness, in_processes, robustness
-from drapeplan.robustness_words import document, lines
+from drapeplan.robustness_words import document, sentences, table
 from drapeplan.rolling import Rollout
 from drapeplan.scene import UncertaintySection
 from tests.courses import wave_plan
+from tests.settled import DOME, tool_section
 
 CUPS_ALONE = UncertaintySection(
     tilt_deg=0,
@@ -145,11 +148,11 @@ def test_document_has_units_and_no_infinity():
 def test_words(found):
     effects = (Effect("tilt", (rollout(premature=(-1e-4, INF)), rollout())),)
     some = by_hand(rollout(air=(1e-3, -1e-4)), rollout(), effects=effects)
-    text = "\n".join(lines(some))
+    text = "\n".join([*sentences(some), *table(some)])
     assert "1 of 2 samples touch in the wrong order: P = 0.500" in text
     assert "Worst is step 1 (cups (0, 1), (1, 0)): 1 samples go wrong there" in text
     assert "tilt of all cups   0.50      -0.10 to" in text
-    calm = "\n".join(lines(replace(found, effects=())))
+    calm = "\n".join(table(replace(found, effects=())))
     assert "parameter" not in calm
 
 
@@ -175,6 +178,40 @@ def test_check_says_how_robust(drapeplan, panel_run, tmp_path):
     assert told["largest_link_error_mm"] <= 1e-6
     assert panel_run.file.read_bytes() == before
     assert figure.stat().st_size > 10_000
+
+
+@pytest.fixture(scope="module")
+def small_scene(tmp_path_factory):
+    """A small tool over a dome, in a file."""
+    folder = tmp_path_factory.mktemp("small")
+    sections = {"tool": tool_section(folder), "fidelity": "kinematic"}
+    data = {"format": "drapeplan-scene/1", "mold": {"surface": DOME}, **sections}
+    path = folder / "scene.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def test_a_plan_keeps_what_becomes_of_it(drapeplan, small_scene, tmp_path):
+    """In its file, under its hash; a check draws the same samples anew."""
+    file = tmp_path / "plan.json"
+    samples = ("--robustness", 2)
+    made = drapeplan("plan", small_scene, "-o", file, *samples, "--seed", 3, "--json")
+    plan = Plan.read(file)
+    told = plan.document["robustness"]
+    assert (told["samples"], told["seed"]) == (2, 3)
+    assert made.document["robustness"] == told
+    assert any("0 of 2 samples touch" in line for line in made.document["sentences"])
+    checked = drapeplan("check", file, "--json").document
+    assert (checked["broken"], checked["differing"]) == ([], [])
+    assert checked["robustness"] == told
+    plan.doubted({**told, "planned_margin_mm": 7.0}).write(file)
+    altered = drapeplan("check", file, "--json")
+    assert altered.code == 1
+    (line,) = altered.document["differing"]
+    assert line.startswith("robustness.planned_margin_mm: is 7.0, recomputed ")
+    told["wrong_order"]["samples"] = 1
+    Plan({**plan.document, "robustness": told}).write(file)
+    assert "hash" in drapeplan("check", file).out.splitlines()[0]
 
 
 @together

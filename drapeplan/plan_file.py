@@ -1,0 +1,146 @@
+"""Plan file: its keys, checked when it is read and published as a schema.
+
+Besides what every plan has, `robustness` is there if the plan was asked for it: what
+becomes of the drape in samples of its scene's `uncertainty`. Millimeters, newtons and
+shares; None stands where nothing threatens, and margins of `parameters` end at 3 mm.
+Quantiles are samples themselves, under the keys "5", "50" and "95".
+
+    {"samples": 64, "seed": 0, "depth": "poses",
+     "uncertainty": {"position_mm": 0.3, ...},
+     "wrong_order": {"samples": 2, "share": 0.03125, "low_95": 0.004, "high_95": 0.108,
+                     "premature": 2, "air_pocket": 0, "no_rest": 0},
+     "planned_margin_mm": 0.61,
+     "margin_mm": {"premature": {"5": 0.1, "50": 0.4, "95": 0.7}, "air": {...}},
+     "press": {"depth_mm": {...}, "planned_depth_mm": 0.1, "force_N": {...}},
+     "worst_step": {"step": 6, "cups": [[5, 2]], "wrong": 2, "mean_margin_mm": 0.4},
+     "parameters": [{"parameter": "angle", "samples": 32, "P": 0.03,
+                     "margin_mm": {...}, "press_mm": {...}}, ...],
+     "largest_link_error_mm": 1e-6, "approximations": ["...", ...]}
+
+`parameters` looks at each uncertainty alone, the one that hurts most first: the bars of
+a tornado. Step 0 of `worst_step` is the start cup; it is None where no step is near.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drapeplan.scene import UncertaintySection
+
+MOST_SAMPLES = 100_000  # [-] of a plan under uncertainty: hours of work
+Quantiles = dict[Literal["5", "50", "95"], float | None]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _Arm(_Strict):
+    urdf: str
+    joint_names: list[str]
+
+
+class _Tool(_Strict):
+    urdf: str
+    sidecar: str
+    leg_joint_names: list[list[str]]
+
+
+class _Targets(_Strict):
+    position_m: list[list[float]]
+    rotation: list[list[list[float]]]
+
+
+class _Sequence(_Strict):
+    start_cup: tuple[int, int]
+    pattern: str
+    steps: list[list[tuple[int, int]]]
+
+
+class _Waypoint(_Strict):
+    phase: Literal["pick", "lift", "preshape", "approach", "wave", "release", "retreat"]
+    step: int
+    tau: float
+    time_s: float
+    arm_rad: list[float]
+    legs: list[list[float]]
+    strokes_m: list[float]
+    position_m: list[list[float]]
+    rotation: list[list[list[float]]]
+    cups: str
+
+
+class _WrongOrder(_Strict):
+    samples: int
+    share: float
+    low_95: float
+    high_95: float
+    premature: int
+    air_pocket: int
+    no_rest: int
+
+
+class _Margins(_Strict):
+    premature: Quantiles
+    air: Quantiles
+
+
+class _Press(_Strict):
+    depth_mm: Quantiles
+    planned_depth_mm: float
+    force_N: Quantiles
+
+
+class _WorstStep(_Strict):
+    step: int
+    cups: list[tuple[int, int]]
+    wrong: int
+    mean_margin_mm: float
+
+
+class _Alone(_Strict):
+    parameter: str
+    samples: int
+    P: float
+    margin_mm: Quantiles
+    press_mm: Quantiles
+
+
+class RobustnessBlock(_Strict):
+    """A plan under uncertainty, as `robustness_words.document` writes it."""
+
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
+    seed: int
+    depth: Literal["poses", "tool"]
+    uncertainty: UncertaintySection
+    wrong_order: _WrongOrder
+    planned_margin_mm: float | None
+    margin_mm: _Margins
+    press: _Press
+    worst_step: _WorstStep | None
+    parameters: list[_Alone]
+    largest_link_error_mm: float
+    approximations: list[str]
+
+
+class Document(_Strict):
+    """The file's keys; `scene` and `mold` have readers of their own."""
+
+    format: Literal["drapeplan-plan/1"]
+    hash: str
+    versions: dict[str, str]
+    scene: dict[str, Any]
+    sources_sha256: dict[str, str]
+    arm: _Arm
+    tool: _Tool
+    mold: dict[str, Any]
+    sequence: _Sequence
+    net: dict[str, float]
+    kinematic_lag: dict[str, float]
+    tool_shift_m: tuple[float, float, float]
+    targets: _Targets
+    waypoints: list[_Waypoint]
+    verdict: dict[str, Any]
+    robustness: RobustnessBlock | None = None
