@@ -357,7 +357,7 @@ def test_bug_is_neither_a_no_nor_bad_input(drapeplan, monkeypatch, write_scene):
     def broken(path):
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr("drapeplan.scene.read_scene", broken)
+    monkeypatch.setattr("drapeplan.commands_plan.read_scene", broken)
     ended = drapeplan("plan", write_scene(), "-o", "x.json", "--json")
     assert ended.code == cli.BUG
     assert ended.code not in (0, 1, 2)
