@@ -176,6 +176,10 @@ class OpenPage:
         self.page.set_default_timeout(PATIENCE)
         self.page.goto(path.as_uri() + address)
         self.wait("document.body.dataset.ready")
+        self.run(
+            "() => { window.drape = window.app?.drapes[0];"
+            " window.viewer = window.drape?.viewer; }"
+        )
 
     def _log(self, message):
         if message.type in ("error", "warning") and "GPU stall" not in message.text:

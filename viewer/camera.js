@@ -40,26 +40,31 @@ function frame(points, direction, tanX, tanY) {
   return { target, distance: 1.04 * distance };
 }
 
-/** Part of the window that the panels leave free: insets in pixels. */
-function freeInsets() {
-  const size = (id) => document.getElementById(id).getBoundingClientRect();
-  const wide = innerWidth >= 900;
-  return {
-    left: innerWidth >= 1200 ? size("head").width + 24 : 12, right: wide ? size("legend").width + 24 : 12,
-    top: wide ? 12 : size("head").height + 24, bottom: size("foot").height + 24,
+/** Part of a pane that the panels over it leave free: insets in pixels. */
+function freeInsets(pane, head) {
+  const room = pane.getBoundingClientRect(), free = { left: 12, right: 12, top: 12, bottom: 12 };
+  const over = (panel) => {
+    const box = panel.getBoundingClientRect();
+    return box.width && box.left < room.right && box.right > room.left && box.top < room.bottom && box.bottom > room.top ? box : null;
   };
+  const side = over(byId("side")), foot = over(byId("foot")), title = over(head);
+  if (side) free.right += room.right - side.left;
+  if (foot) free.bottom += room.bottom - foot.top;
+  if (title && room.width >= 1000) free.left += title.right - room.left;
+  else if (title && title.height < 0.25 * room.height) free.top += title.bottom - room.top;
+  return free;
 }
 
-/** Put the camera where a preset wants it; `box` holds two corners, in meters. */
-function placeCamera(viewer, preset, box, cell) {
-  const T = MeshCat.THREE, camera = viewer.camera, inset = freeInsets();
-  const width = innerWidth, height = innerHeight;
+/** Put the camera of a drape where a preset wants it. */
+function placeCamera(drape, preset) {
+  const T = MeshCat.THREE, { viewer, plan } = drape, { pane, head } = drape.dom, { camera } = viewer;
+  const width = Math.max(1, pane.clientWidth), height = Math.max(1, pane.clientHeight), inset = freeInsets(pane, head);
   const freeX = Math.max(0.3, 1 - (inset.left + inset.right) / width);
   const freeY = Math.max(0.3, 1 - (inset.top + inset.bottom) / height);
   const tan = Math.tan((preset.fov / 2) * (Math.PI / 180));
   const direction = yUp(preset.direction).normalize();
-  const { target, distance } = frame(corners(box), direction, (tan * freeX * width) / height, tan * freeY);
-  const size = yUp(cell[0]).distanceTo(yUp(cell[1]));
+  const { target, distance } = frame(corners(plan.boxes[preset.box]), direction, (tan * freeX * width) / height, tan * freeY);
+  const size = yUp(plan.boxes.cell[0]).distanceTo(yUp(plan.boxes.cell[1]));
   // Presets move the camera and the target it orbits; its node stays where it is.
   viewer.scene_tree.find(["Cameras", "default"]).object.position.set(0, 0, 0);
   viewer.controls.target.copy(target);
@@ -70,6 +75,28 @@ function placeCamera(viewer, preset, box, cell) {
   camera.far = distance + 8 * size;
   const x = (inset.right - inset.left) / 2, y = (inset.bottom - inset.top) / 2;
   camera.setViewOffset(width, height, x, y, width, height);
+  drape.home = { target: target.clone(), distance };
   viewer.controls.update();
+  viewer.set_dirty();
+}
+
+/** Let one camera look at its drape as another looks at its own, whatever their sizes. */
+function followCamera(leader, follower) {
+  const from = leader.viewer, to = follower.viewer, scale = follower.home.distance / leader.home.distance;
+  const shifted = from.controls.target.clone().sub(leader.home.target).multiplyScalar(scale);
+  to.controls.target.copy(follower.home.target).add(shifted);
+  to.camera.position.copy(from.camera.position).sub(from.controls.target).multiplyScalar(scale).add(to.controls.target);
+  to.controls.update();
+  to.set_dirty();
+}
+
+/** Bring a point of the world, z up, into the middle, from the same side and near. */
+function approach(drape, point) {
+  const { viewer, home } = drape, { camera, controls } = viewer, target = yUp(point);
+  const direction = camera.position.clone().sub(controls.target).normalize();
+  controls.target.copy(target);
+  camera.position.copy(target).addScaledVector(direction, 0.5 * home.distance);
+  camera.near = 0.02 * home.distance;
+  controls.update();
   viewer.set_dirty();
 }

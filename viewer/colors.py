@@ -25,6 +25,26 @@ CIVIDIS = (
     (240, 216, 70),
     (254, 232, 56),
 )  # 17 anchors at equal distances along the map [Nunez2018]
+VIRIDIS = (
+    (68, 1, 84),
+    (72, 24, 106),
+    (71, 45, 123),
+    (66, 64, 134),
+    (59, 82, 139),
+    (51, 99, 141),
+    (44, 114, 142),
+    (38, 130, 142),
+    (33, 145, 140),
+    (31, 160, 136),
+    (40, 174, 128),
+    (63, 188, 115),
+    (94, 201, 98),
+    (132, 212, 75),
+    (173, 220, 48),
+    (216, 226, 25),
+    (253, 231, 37),
+)  # likewise [van der Walt and Smith, 2015]
+MAPS = {"Cividis": CIVIDIS, "Viridis": VIRIDIS}  # both rise evenly in lightness
 PENETRATION = (204, 121, 167)  # Okabe-Ito reddish purple: not a color of Cividis
 
 
@@ -44,26 +64,18 @@ CUP_STATES = (
 )  # Okabe-Ito, in the order of the numbers in a plan
 
 
-def cividis(count: int) -> Array:
-    """Colors of the Cividis map at equal distances.
+def gap_colors(name: str = "Cividis") -> Array:
+    """Table that turns a packed gap (see packing.pack_gap) into a color.
 
     Args:
-        count: Number of colors, at least 2.
-
-    Returns:
-        Red, green and blue from 0 to 255, shape (count, 3), dtype uint8.
-    """
-    anchors = np.array(CIVIDIS, float)
-    place = np.linspace(0, len(anchors) - 1, count)
-    channels = [np.interp(place, np.arange(len(anchors)), c) for c in anchors.T]
-    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-
-
-def gap_colors() -> Array:
-    """Table that turns a packed gap (see packing.pack_gap) into a color.
+        name: One of MAPS.
 
     Returns:
         Red, green and blue, shape (256, 3), dtype uint8: entry 0 marks penetration,
         entries 1 to 255 run from contact to the largest gap that the legend shows.
     """
-    return np.vstack([np.array([PENETRATION], np.uint8), cividis(255)])
+    anchors = np.array(MAPS[name], float)
+    place = np.linspace(0, len(anchors) - 1, 255)
+    channels = [np.interp(place, np.arange(len(anchors)), c) for c in anchors.T]
+    scale = np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+    return np.vstack([np.array([PENETRATION], np.uint8), scale])

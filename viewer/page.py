@@ -5,6 +5,7 @@ import hashlib
 import importlib.util
 import json
 import re
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -13,22 +14,33 @@ import numpy as np
 from drapeplan.errors import DrapeplanError
 from drapeplan.files import write_bytes
 from viewer import colors, geometry, objects, packing
-from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION, PlanView
+from viewer.details import details
+from viewer.moments import moments
+from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION, TOUCH, PlanView
 
 Array = np.ndarray
 
-SCRIPTS = ("unpack.js", "camera.js", "stage.js", "timeline.js")  # in reading order
+SCRIPTS = (
+    *("dom.js", "unpack.js", "camera.js", "stage.js", "ply.js", "cups.js", "drape.js"),
+    *("timeline.js", "legend.js", "hover.js", "keys.js", "address.js", "app.js"),
+    *("probe.js", "events.js", "curves.js", "section.js"),  # panels
+    "start.js",
+)  # in reading order
+STYLES = ("page.css", "panels.css")
+PARTS = ("Arm", "Tool", "Interlinks", "Cups", "Mold", "Ply", "Fibers", "Front")
 VIEWS = (
     ("Iso", (0.60, -0.66, 0.46), 30, "tool", ()),
-    ("Top", (0.0, -0.002, 1.0), 9, "drape", ("Arm", "Tool")),
+    ("Top", (0.0, -0.002, 1.0), 9, "drape", ("Arm", "Tool", "Interlinks")),
     ("Front", (0.0, -1.0, 0.12), 12, "tool", ("Arm",)),
     ("Side", (1.0, 0.0, 0.12), 12, "tool", ("Arm",)),
+    ("Close", (0.60, -0.66, 0.46), 30, "drape", ("Arm", "Tool")),
     ("Cell", (0.62, -0.55, 0.45), 32, "cell", ()),
 )  # name, direction to the camera, field of view [deg], what to frame, what to hide
 
 
 def _asset(name: str) -> str:
-    return resources.files("viewer").joinpath(name).read_text(encoding="utf-8")
+    file = resources.files("viewer").joinpath(name)
+    return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
 def _meshcat(name: str) -> str:
@@ -59,31 +71,42 @@ def notices() -> str:
     return ("\n\n" + 72 * "-" + "\n\n").join(part.strip() for part in parts)
 
 
-def header(view: PlanView, payload: packing.Payload) -> dict[str, object]:
-    """Describe the plan for the page, its arrays appended to the payload."""
+def header(views: Sequence[PlanView], payload: packing.Payload) -> dict[str, object]:
+    """Describe the page: what its drapes share, and each of them."""
+    names = ("name", "direction", "fov", "box", "hide")
+    return {
+        "states": [state._asdict() for state in colors.CUP_STATES],
+        "palettes": {
+            name: payload.add(colors.gap_colors(name), "u1") for name in colors.MAPS
+        },
+        "gap_shown": GAP_SHOWN,
+        "penetration": PENETRATION,
+        "touch": TOUCH,
+        "beside": BESIDE,
+        "parts": PARTS,
+        "views": [dict(zip(names, v, strict=True)) for v in VIEWS],
+        "moments": [moment._asdict() for moment in moments(views)],
+        "drapes": [_drape(view, payload) for view in views],
+    }
+
+
+def _drape(view: PlanView, payload: packing.Payload) -> dict[str, object]:
+    """Describe one drape, its arrays appended to the payload."""
     gap = packing.pack_gap(view.gap, GAP_SHOWN, PENETRATION)
     rows, columns = view.gap.shape[1:]
     _, spacing = geometry.mold_grid(view)
     drape, cell = geometry.drape_box(view), geometry.cell_box(view)
     tool = geometry.tool_box(view)
     boxes = {"drape": drape.tolist(), "tool": tool.tolist(), "cell": cell.tolist()}
-    names = ("name", "direction", "fov", "box", "hide")
     return {
         "title": view.title,
         "subtitle": view.subtitle,
         "verdict": view.verdict,
         "good": view.good,
         "labels": view.labels,
-        "phases": view.phases,
-        "states": [state._asdict() for state in colors.CUP_STATES],
-        "palette": payload.add(colors.gap_colors(), "u1"),
-        "gap_shown": GAP_SHOWN,
-        "penetration": PENETRATION,
-        "beside": BESIDE,
         "spacing": spacing,
         "boxes": boxes,
         "floor": objects.floor_level(view),
-        "views": [dict(zip(names, v, strict=True)) for v in VIEWS],
         "opening": "Iso" if _inside(view, drape) else "Cell",
         "contact": np.round(view.contact_share(), 5).tolist(),
         "lowest": np.round(view.gap.min(axis=(1, 2)), 6).tolist(),
@@ -98,6 +121,7 @@ def header(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "arm": payload.add(
             _column_major(np.moveaxis(view.arm_placements, 1, 0)), "<f4"
         ),
+        "details": details(view, payload),
     }
 
 
@@ -134,8 +158,8 @@ def _hash(script: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode()}'"
 
 
-def render(view: PlanView) -> str:
-    """Text of the page.
+def render(views: PlanView | Sequence[PlanView]) -> str:
+    """Text of the page, of one drape or of two side by side.
 
     The security policy of the page lets nothing run but its own two scripts, named by
     their hashes, and lets nothing be fetched.
@@ -143,8 +167,9 @@ def render(view: PlanView) -> str:
     Raises:
         DrapeplanError: If a script or a notice would end its own element.
     """
+    views = _several(views)
     payload = packing.Payload()
-    head = header(view, payload)
+    head = header(views, payload)
     bundle = _meshcat("main.min.js")
     script = "\n".join(['"use strict";', *map(_asset, SCRIPTS)])
     policy = [
@@ -157,7 +182,7 @@ def render(view: PlanView) -> str:
     ]
     parts = {
         "policy": "; ".join(policy),
-        "style": _asset("timeline.css"),
+        "style": "\n".join(map(_asset, STYLES)),
         "notices": notices(),
         "payload": base64.b64encode(payload.to_bytes(head)).decode(),
         "meshcat": bundle,
@@ -166,24 +191,35 @@ def render(view: PlanView) -> str:
     for name in ("notices", "meshcat", "script"):
         if "</script" in parts[name].lower():
             raise DrapeplanError(f"the preview's {name} would end its own element")
-    template = _asset("timeline.html")
+    template = _asset("page.html")
     return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], template)
 
 
-def export(view: PlanView, path: str | Path) -> dict[str, int]:
+def _several(views: PlanView | Sequence[PlanView]) -> Sequence[PlanView]:
+    """What to show, always more than one at a time."""
+    return [views] if isinstance(views, PlanView) else views
+
+
+def export(
+    views: PlanView | Sequence[PlanView], path: str | Path
+) -> dict[str, int | list[int]]:
     """Write the preview: all of it, or nothing.
 
     Args:
-        view: What to show.
+        views: What to show: a drape, or two to compare on one time line.
         path: HTML file to write; an older one stays until the new one is complete.
 
     Returns:
-        Figures of the file: size_bytes, poses, samples.
+        Figures of the file: size_bytes, poses, samples; the last two as lists with more
+        than one drape.
 
     Raises:
         InputError: If the file cannot be written.
     """
-    data = render(view).encode()
+    data = render(views).encode()
     write_bytes(Path(path), data)
-    samples = view.gap.shape[1] * view.gap.shape[2]
-    return {"size_bytes": len(data), "poses": view.poses, "samples": samples}
+    poses = [view.poses for view in _several(views)]
+    samples = [view.gap[0].size for view in _several(views)]
+    if len(poses) == 1:
+        return {"size_bytes": len(data), "poses": poses[0], "samples": samples[0]}
+    return {"size_bytes": len(data), "poses": poses, "samples": samples}

@@ -1,4 +1,4 @@
-/* What moves: ply, cups, legs, interlinks, arm and platform, drawn by meshcat's three.js. */
+/* The stage: light, bodies that keep their shape, and cylinders, drawn by meshcat's three.js. */
 
 /** Shadows fall from the ply alone, and never on it: its colors mean the gap. */
 function lightStage(viewer, box) {
@@ -22,9 +22,9 @@ function lightStage(viewer, box) {
 }
 
 /** A cylinder of unit height for each of `count` places, colored one by one. */
-function cylinders(count, radius, color) {
-  const T = MeshCat.THREE, shape = new T.CylinderGeometry(radius, radius, 1, 24);
-  const mesh = new T.InstancedMesh(shape, new T.MeshLambertMaterial({ color }), count);
+function cylinders(count, radius, color, material = null, sides = 24) {
+  const T = MeshCat.THREE, shape = new T.CylinderGeometry(radius, radius, 1, sides);
+  const mesh = new T.InstancedMesh(shape, material ?? new T.MeshLambertMaterial({ color }), count);
   mesh.instanceMatrix.setUsage(T.DynamicDrawUsage);
   mesh.frustumCulled = false;
   return mesh;
@@ -44,92 +44,9 @@ const stretch = (() => {
   };
 })();
 
-/** The ply: a mesh colored by the gap and some of its fibers, on the same points. */
-class Ply {
-  constructor(viewer, plan, view) {
-    const T = MeshCat.THREE;
-    this.track = new Track(plan.ply, view);
-    const { poses, rows, columns } = plan.ply;
-    this.gap = unfold(view(Uint8Array, plan.gap), Uint8Array, 1, poses, rows, columns);
-    this.palette = view(Uint8Array, plan.palette);
-    const attribute = () => new T.BufferAttribute(new Float32Array(3 * this.track.count), 3).setUsage(T.DynamicDrawUsage);
-    this.points = attribute();
-    this.colors = attribute();
-    const index = (blob) => new T.BufferAttribute(view(Uint32Array, blob).slice(), 1);
-    this.shape = new T.BufferGeometry();
-    this.shape.setAttribute("position", this.points);
-    this.shape.setAttribute("color", this.colors);
-    this.shape.setIndex(index(plan.triangles));
-    this.mesh = new T.Mesh(this.shape, new T.MeshPhongMaterial({
-      vertexColors: true, side: T.DoubleSide, shininess: 5, specular: 0x060606,
-      polygonOffset: true, polygonOffsetFactor: 0.5, polygonOffsetUnits: 1 }));
-    this.mesh.castShadow = true;
-    const threads = new T.BufferGeometry();
-    threads.setAttribute("position", this.points);
-    threads.setIndex(index(plan.fibers));
-    const lines = new T.LineSegments(threads, new T.LineBasicMaterial({ color: 0x8a8a8a, transparent: true, opacity: 0.55 }));
-    this.mesh.frustumCulled = lines.frustumCulled = false;
-    viewer.set_object(["meshcat", "ply", "surface"], this.mesh);
-    viewer.set_object(["meshcat", "ply", "fibers"], lines);
-  }
-
-  show(k) {
-    this.track.read(k, this.points.array);
-    const { gap, palette } = this, color = this.colors.array, n = this.track.count;
-    for (let i = 0; i < n; i++)
-      for (let c = 0; c < 3; c++) color[3 * i + c] = palette[3 * gap[k * n + i] + c] / 255;
-    this.points.needsUpdate = this.colors.needsUpdate = true;
-    this.shape.computeVertexNormals();
-    this.shape.computeBoundingSphere();
-  }
-}
-
-/** Cups, legs and interlinks. */
-class Cups {
-  constructor(viewer, plan, view) {
-    const T = MeshCat.THREE, { names, radius } = plan.cups;
-    this.names = names;
-    this.count = names.length;
-    this.states = view(Uint8Array, plan.cups.states);
-    this.tracks = {};
-    this.at = {};
-    for (const key of ["faces", "tops", "balls", "universals"]) {
-      this.tracks[key] = new Track(plan.cups[key], view);
-      this.at[key] = new Float32Array(3 * this.count);
-    }
-    this.colors = plan.states.map((state) => new T.Color(state.color));
-    this.bodies = cylinders(this.count, radius, 0xffffff);
-    this.legs = cylinders(this.count, 0.22 * radius, 0x8b949e);
-    this.links = view(Uint32Array, plan.cups.interlinks);
-    const shape = new T.BufferGeometry();
-    this.ends = new T.BufferAttribute(new Float32Array(3 * this.links.length), 3);
-    shape.setAttribute("position", this.ends);
-    const lines = new T.LineSegments(shape, new T.LineBasicMaterial({ color: 0x4b5663, transparent: true, opacity: 0.8 }));
-    lines.frustumCulled = false;
-    viewer.set_object(["meshcat", "cups"], this.bodies);
-    viewer.set_object(["meshcat", "tool", "legs"], this.legs);
-    viewer.set_object(["meshcat", "tool", "interlinks"], lines);
-  }
-
-  state(k, i) { return this.states[k * this.count + i]; }
-
-  show(k) {
-    for (const key in this.tracks) this.tracks[key].read(k, this.at[key]);
-    const { faces, tops, balls, universals } = this.at;
-    for (let i = 0; i < this.count; i++) {
-      stretch(this.bodies, i, faces, tops, this.state(k, i) === 1 ? 1.25 : 1);
-      stretch(this.legs, i, balls, universals);
-      this.bodies.setColorAt(i, this.colors[this.state(k, i)]);
-    }
-    this.links.forEach((cup, end) => { for (let c = 0; c < 3; c++) this.ends.array[3 * end + c] = balls[3 * cup + c]; });
-    for (const changed of [this.bodies.instanceMatrix, this.bodies.instanceColor, this.legs.instanceMatrix, this.ends])
-      changed.needsUpdate = true;
-  }
-}
-
 /** Bodies that keep their shape: arm and platform, one matrix a pose. */
 class Bodies {
-  constructor(viewer, plan, view) {
+  constructor({ viewer, plan, view }) {
     const arm = view(Float32Array, plan.arm), poses = plan.labels.length;
     const tree = viewer.scene_tree;
     this.moving = [{ object: tree.find(["meshcat", "tool", "platform"]).object, matrices: view(Float32Array, plan.tool) }];
@@ -143,4 +60,20 @@ class Bodies {
     for (const { object, matrices } of this.moving)
       this.matrix.fromArray(matrices, 16 * k).decompose(object.position, object.quaternion, object.scale);
   }
+}
+
+/** Software rendering is slow: without shadows it keeps up. */
+function adaptQuality({ viewer }) {
+  const gl = viewer.renderer.getContext(), pixel = new Uint8Array(4);
+  const time = () => {
+    const start = performance.now();
+    viewer.render();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    return performance.now() - start;
+  };
+  time(); // the first picture compiles the shaders
+  const slow = time() > 120;
+  if (slow) viewer.scene_tree.find(["Lights", "SpotLight", "<object>"]).object.castShadow = false;
+  viewer.set_dirty();
+  return slow ? "low" : "high";
 }

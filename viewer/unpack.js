@@ -6,13 +6,13 @@ async function unpack(text) {
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   const buffer = await new Response(stream).arrayBuffer();
   const length = new DataView(buffer).getUint32(0, true);
-  const plan = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const book = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   const body = 8 * Math.ceil((4 + length) / 8);
   const view = (Type, index) => {
-    const [offset, size] = plan.blobs[index];
+    const [offset, size] = book.blobs[index];
     return new Type(buffer, body + offset, size / Type.BYTES_PER_ELEMENT);
   };
-  return { plan, view };
+  return { book, view };
 }
 
 /** Undo packing.fold: unsigned numbers of shape (channels, poses, rows, columns). */
