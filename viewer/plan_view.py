@@ -1,7 +1,7 @@
 """What the preview shows, as plain arrays: the only thing the page is made from."""
 
 from dataclasses import dataclass, field, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ TOUCH = 0.5e-3  # [m] gap below which the ply counts as touching, as in the fron
 PENETRATION = 1.0e-3  # [m] depth from which penetration is marked: tolerance of a pad
 BESIDE = 1.0  # [m] gap from which a sample hangs beside the mold, over nothing
 GAP_SHOWN = 30e-3  # [m] end of the color scale: the front's neighborhood decides
+MARGIN_SHOWN = 5e-3  # [m] margins beyond threaten nothing: ten times what touches
 
 
 class Mesh(NamedTuple):
@@ -29,6 +30,71 @@ class Mesh(NamedTuple):
     vertices: Array
     faces: Array
     colors: Array
+
+
+class Event(NamedTuple):
+    """Something that goes wrong at the front, at a pose or on the way to it.
+
+    Attributes:
+        kind: "premature_contact", "air_pocket", "penetration" or "pad_penetration".
+        pose: Index of the pose.
+        samples: What of the ply it takes in, as row * ns + column of each sample, rows
+            along t; all of that kind at that pose, shape (m,), at least one.
+        place: Its deepest sample, material coordinates (s, t), in [m].
+        area: Of the largest such region on the ply, in [m^2].
+        volume: Between that region and its laid state, in [m^3].
+        depth: Largest height of a pocket, else largest depth, in [m].
+        sentence: When, where, how much, and what to change.
+    """
+
+    kind: str
+    pose: int
+    samples: Array
+    place: tuple[float, float]
+    area: float
+    volume: float
+    depth: float
+    sentence: str
+
+
+class LongFiber(NamedTuple):
+    """A fiber between two cups that leaves the weave's take-up at some poses.
+
+    Attributes:
+        name: Such as "s fiber (0, 1)-(0, 2), -20 mm".
+        poses: Poses at which it does, increasing, shape (p,), at least one.
+        samples: Samples of the ply nearest to it, from the first cup to the second, as
+            row * ns + column, shape (m,).
+        cups: Indices of the cups that it joins.
+        need: Most that its cups ask for beyond its length, in [m]; 0 where they do not.
+        surplus: Most that it has and its cups do not ask for, in [m]; 0 likewise.
+        bubble: Height to which what the take-up leaves of the surplus would bow it out,
+            in [m].
+    """
+
+    name: str
+    poses: Array
+    samples: Array
+    cups: tuple[int, int]
+    need: float
+    surplus: float
+    bubble: float
+
+
+class Statement(NamedTuple):
+    """A sentence of the verdict, with the moment and the place it speaks of.
+
+    Attributes:
+        text: The sentence.
+        wrong: Whether it says what makes the verdict bad.
+        pose: Index of the pose it speaks of, or None.
+        place: Material coordinates (s, t) of the place, in [m], or None.
+    """
+
+    text: str
+    wrong: bool = False
+    pose: int | None = None
+    place: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -63,6 +129,27 @@ class PlanView:
         mold_placement: T_world_mold, directions of the mold's grid lines, shape (4, 4).
         table: Two opposite corners of the table the ply is picked from, shape (2, 3),
             or None.
+        s: Material coordinates of the samples along s, shape (ns,), in [m]; by default
+            lengths along the ply's first row at the last pose.
+        t: Material coordinates along t, shape (nt,), in [m]; by default lengths along
+            its first column.
+        cups_around: Indices of the cups each sample depends on, shape (nt, ns, 4),
+            repeated where they are fewer; or None.
+        margins: What is left at each pose until a premature contact and until an air
+            pocket, no more than MARGIN_SHOWN, at or below zero where one happens, shape
+            (K, 2), in [m]; by default MARGIN_SHOWN.
+        wave_step: 0 while the start cup lands, then the number of the wave step; -1
+            elsewhere, the default; shape (K,).
+        tau: Progress within the step or phase, shape (K,).
+        events: What goes wrong at the front, by pose.
+        long_fibers: Fibers that leave the take-up.
+        rungs: Names of the ply models that strips stand on.
+        strip_rungs: Index into rungs for the strip between the two cups of each
+            interlink, shape (K, m).
+        statements: The verdict's sentences with what they speak of; by default those of
+            `verdict` without a moment.
+        facts: What the plan was made from, as names and values.
+        robustness: The plan's block on uncertainty as plain data, or None.
     """
 
     title: str
@@ -89,6 +176,19 @@ class PlanView:
     arm_placements: Array = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
     mold_placement: Array = field(default_factory=lambda: np.eye(4))
     table: Array | None = None
+    s: Array | None = None
+    t: Array | None = None
+    cups_around: Array | None = None
+    margins: Array | None = None
+    wave_step: Array | None = None
+    tau: Array | None = None
+    events: tuple[Event, ...] = ()
+    long_fibers: tuple[LongFiber, ...] = ()
+    rungs: tuple[str, ...] = ()
+    strip_rungs: Array | None = None
+    statements: tuple[Statement, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    robustness: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values once, then make the arrays read-only.
@@ -98,6 +198,7 @@ class PlanView:
         """
         if not self.arm_meshes:
             object.__setattr__(self, "arm_placements", np.zeros((self.poses, 0, 4, 4)))
+        self._fill_in()
         for name, shape in self._shapes().items():
             if np.shape(getattr(self, name)) != shape:
                 found = np.shape(getattr(self, name))
@@ -109,6 +210,24 @@ class PlanView:
             if isinstance(value, np.ndarray):
                 self._freeze(item.name, value)
 
+    def _fill_in(self) -> None:
+        """Give a value to what a view may leave out."""
+        last, k = self.ply_points[-1], self.poses
+        defaults: dict[str, Any] = {
+            "s": _lengths(last[0]),
+            "t": _lengths(last[:, 0]),
+            "margins": np.full((k, 2), MARGIN_SHOWN),
+            "wave_step": np.full(k, -1),
+            "tau": np.zeros(k),
+            "strip_rungs": np.zeros((k, len(self.interlinks)), np.uint8),
+        }
+        for name, value in defaults.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
+        if not self.statements:
+            told = tuple(Statement(text, not self.good) for text in self.verdict)
+            object.__setattr__(self, "statements", told)
+
     def _freeze(self, name: str, value: Array) -> None:
         if not np.all(np.isfinite(value)):
             raise InputError("preview", name, "has a number that is not finite")
@@ -119,7 +238,9 @@ class PlanView:
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes that all arrays must have, given the ply and the names of the cups."""
         k, n = self.poses, len(self.cup_names)
-        return {
+        nt, ns = np.shape(self.gap)[1:3]
+        some = {} if self.cups_around is None else {"cups_around": (nt, ns, 4)}
+        return some | {
             "mold_vertices": (len(self.mold_vertices), 3),
             "mold_faces": (len(self.mold_faces), 3),
             "ply_points": (*np.shape(self.gap), 3),
@@ -135,6 +256,12 @@ class PlanView:
             "tool_placement": (k, 4, 4),
             "arm_placements": (k, len(self.arm_meshes), 4, 4),
             "mold_placement": (4, 4),
+            "s": (ns,),
+            "t": (nt,),
+            "margins": (k, 2),
+            "wave_step": (k,),
+            "tau": (k,),
+            "strip_rungs": (k, len(self.interlinks)),
         }
 
     @property
@@ -151,3 +278,9 @@ class PlanView:
         over = self.gap < BESIDE
         largest = np.max(self.gap, axis=(1, 2), where=over, initial=-BESIDE)
         return np.where(over.any(axis=(1, 2)), largest, BESIDE)
+
+
+def _lengths(points: Array) -> Array:
+    """Lengths along points of shape (m, 3) up to each of them, shape (m,), in [m]."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=-1)
+    return np.concatenate([[0.0], np.cumsum(steps)])

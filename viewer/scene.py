@@ -8,10 +8,12 @@ from drapeplan.mold import HeightGrid
 from drapeplan.plan import Plan
 from drapeplan.scene import Scene
 from drapeplan.visuals import arm_visuals
-from drapeplan.words import describe, summary
+from drapeplan.words import describe
 from urdf.sidecar import neighbor_pairs
+from viewer import findings
 from viewer.geometry import bounds, grid_triangles
 from viewer.plan_view import BESIDE, Mesh, PlanView
+from viewer.statements import facts, statements
 
 __all__ = ["PlanView", "view_of"]
 
@@ -41,18 +43,16 @@ def view_of(plan: Plan) -> PlanView:
     visuals = arm_visuals(cell.sources.arm_urdf)
     platform = np.ptp(upper[:, :2], axis=0) + 2 * RIM
     turn, shift = track.tool[:, None, :3, :3], track.tool[:, None, :3, 3]
+    fibers = findings.long_fibers(plan)
+    told = statements(plan, fibers)
+    names, strip_rungs = findings.rungs(plan)
     return PlanView(
         title=f"Drape on {mold_name(cell.scene)}",
         subtitle=(
             f"Ply model {plan.verdict['ply_model']['model']}, "
             f"fidelity {plan.verdict['fidelity']}, {robot.columns} x {robot.rows} cups"
         ),
-        verdict=summary(
-            plan.verdict,
-            plan.judged[1].front,
-            track,
-            plan.document["kinematic_lag"],
-        ),
+        verdict=[one.text for one in told],
         good=bool(plan.verdict["good"]),
         mold_vertices=vertices,
         mold_faces=faces,
@@ -74,6 +74,19 @@ def view_of(plan: Plan) -> PlanView:
         arm_placements=visuals.placements(track.arm),
         mold_placement=cell.world_mold,
         table=pick_table(points[0]),
+        s=cell.sampling.s,
+        t=cell.sampling.t,
+        cups_around=cell.sampling.cups_around,
+        margins=findings.margins(plan),
+        wave_step=findings.wave_steps(plan),
+        tau=track.tau,
+        events=findings.events(plan),
+        long_fibers=fibers,
+        rungs=names,
+        strip_rungs=strip_rungs,
+        statements=told,
+        facts=facts(plan, mold_name(cell.scene)),
+        robustness=plan.document.get("robustness"),
     )
 
 
@@ -84,10 +97,8 @@ def ply_of(plan: Plan) -> tuple[Array, Array]:
         Points in the world, shape (K, nt, ns, 3), and gaps, shape (K, nt, ns), in [m].
     """
     cell, contact = plan.cell, plan.judged[1]
-    after = len(plan.track.phase) - plan.track.held.stop
     points, gap = (
-        np.concatenate([held, np.repeat(held[-1:], after, axis=0)])
-        for held in (contact.points, contact.gap)
+        findings.held_throughout(plan, held) for held in (contact.points, contact.gap)
     )
     world = points @ cell.world_mold[:3, :3].T + cell.world_mold[:3, 3]
     return world, np.minimum(gap, BESIDE)

@@ -1,0 +1,251 @@
+"""What the preview is told of a plan, against its verdict."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from drapeplan.contact import front_grid
+from drapeplan.errors import InputError
+from drapeplan.plan import Plan
+from drapeplan.verdict import EventKind
+from drapeplan.words import failures, labels
+from tests.browser import synthetic_view
+from tests.spoiled import FAR_CUP, good_plan, spoiled_plan
+from viewer import findings, packing
+from viewer.details import GAP_LOWEST, GAP_STEP, details
+from viewer.plan_view import MARGIN_SHOWN, Statement
+from viewer.scene import view_of
+
+pytestmark = pytest.mark.xdist_group("spoiled")  # one worker makes the plans
+BAND = 1e-9  # [m] by which a length may miss the take-up: rounding
+
+
+@pytest.fixture(scope="module")
+def good():
+    return view_of(good_plan())
+
+
+@pytest.fixture(scope="module")
+def bad():
+    return view_of(spoiled_plan())
+
+
+def front():
+    return spoiled_plan().judged[1].front
+
+
+def event_of(view, kind, pose):
+    (found,) = [e for e in view.events if (e.kind, e.pose) == (kind, pose)]
+    return found
+
+
+def test_a_good_plan_has_no_events(good):
+    assert good.events == ()
+    assert good.long_fibers == ()
+    assert not any(told.wrong for told in good.statements)
+    assert (good.margins > 0).all()
+
+
+def test_events_of_the_verdict_are_told(bad):
+    assert {e.kind for e in front().events} >= {"premature_contact", "air_pocket"}
+    names = labels(spoiled_plan().track)
+    for event in front().events:
+        told = event_of(bad, event.kind, event.pose)
+        assert (told.area, told.volume, told.depth) == (
+            event.area,
+            event.volume,
+            event.depth,
+        )
+        assert told.place == event.place_st
+        assert told.sentence.startswith(names[event.pose])
+
+
+def test_events_stand_at_the_poses_whose_margins_are_gone(bad):
+    """Where a waypoint shows nothing, its fault came and went on the way to it."""
+    for kind, column in (("premature_contact", 0), ("air_pocket", 1)):
+        told = {e.pose for e in bad.events if e.kind == kind}
+        gone = set(np.flatnonzero(bad.margins[:, column] <= 0).tolist())
+        assert told
+        assert told <= gone
+        assert {e.pose for e in front().events if e.kind == kind} <= told
+
+
+def test_premature_contact_is_on_the_far_cup(bad):
+    first = min(bad.events, key=lambda e: e.pose)
+    around = bad.cups_around.reshape(-1, 4)[first.samples]
+    assert first.kind == EventKind.PREMATURE
+    assert (around == FAR_CUP).any(axis=1).all()
+    assert_array_equal(bad.gap[first.pose].ravel()[first.samples] < 2e-3, True)
+
+
+def test_pocket_lies_within_the_rim(bad):
+    """Its samples are free, reach no edge, and cover the event's area and depth."""
+    plan = spoiled_plan()
+    final = plan.judged[1].gap[-1]
+    pockets = [e for e in bad.events if e.kind == EventKind.AIR_POCKET]
+    for event in pockets:
+        i, j = np.divmod(event.samples, bad.gap.shape[2])
+        assert i.min() > 0
+        assert j.min() > 0
+        assert i.max() < bad.gap.shape[1] - 1
+        assert j.max() < bad.gap.shape[2] - 1
+    seen = pockets[-1]
+    height = (bad.gap[seen.pose] - final).ravel()[seen.samples]
+    assert height.max() == pytest.approx(seen.depth, abs=1e-9)
+    assert (height > plan.judged[1].front.tolerance.touch).all()
+    assert len(seen.samples) * 1e-4 == pytest.approx(seen.area)  # 10 mm squares
+
+
+def test_events_between_waypoints_cover_their_area(bad):
+    """The verdict's own events that no waypoint shows take in the samples nearest."""
+    plan = spoiled_plan()
+    grid = front_grid(plan.cell, 4, plan.judged[1].beside)
+    event = replace(front().events[0], kind=EventKind.PENETRATION, area=9e-4)
+    samples = findings._near(event, front(), grid)
+    i, j = np.divmod(samples, len(grid.s))
+    assert len(samples) == 9
+    assert (
+        np.hypot(grid.s[j] - event.place_st[0], grid.t[i] - event.place_st[1]).max()
+        < 0.015
+    )
+
+
+def test_long_fibers_are_those_of_the_verdict(bad):
+    """Names, needs and first poses; each leaves the take-up at its poses alone."""
+    plan = spoiled_plan()
+    guilty = {x["fiber"]: x for x in plan.verdict["fibers"]["infeasible"]}
+    assert {fiber.name for fiber in bad.long_fibers} >= set(guilty)
+    fibers, L = plan.judged[1].fibers, plan.cell.sampling.grid.span
+    take_up = plan.scene.ply.take_up_mm * 1e-3
+    outer = [f[..., findings.SIDES] for f in (fibers.s_natural, fibers.t_natural)]
+    off = [abs(f - L) > take_up + BAND for f in outer]
+    outside = sum(f.reshape(len(f), -1).sum(axis=1) for f in off)
+    told = sum(np.isin(np.arange(len(outside)), f.poses) for f in bad.long_fibers)
+    assert_array_equal(told, outside)
+    for name, facts in guilty.items():
+        (fiber,) = [f for f in bad.long_fibers if f.name == name]
+        assert fiber.poses[0] == facts["waypoint"]
+        assert 1e3 * fiber.need == pytest.approx(max(0.0, facts["need_mm"]), abs=1e-6)
+
+
+def test_long_fibers_run_from_cup_to_cup(bad):
+    plan = spoiled_plan()
+    st = plan.cell.sampling.points_st.reshape(-1, 2)
+    for fiber in bad.long_fibers:
+        first, last = st[fiber.samples[[0, -1]]]
+        (i, j), (k, m) = (divmod(cup, 3) for cup in fiber.cups)
+        family, offset = fiber.name[0], float(fiber.name.split()[-2]) * 1e-3
+        across = np.array([0, offset] if family == "s" else [offset, 0])
+        assert_allclose(first, np.array([j, i]) * plan.cell.grid.pitch + across)
+        assert_allclose(last, np.array([m, k]) * plan.cell.grid.pitch + across)
+        assert family == ("s" if i == k else "t")
+
+
+def test_margins_are_those_of_the_verdict(bad):
+    least = np.stack([front().premature_margin, front().air_margin], axis=-1)
+    assert_array_equal(bad.margins[: len(least)], np.minimum(least, MARGIN_SHOWN))
+    assert_array_equal(bad.margins[len(least) :], MARGIN_SHOWN)
+    assert len(least) < bad.poses
+
+
+def test_steps_are_those_of_the_plan(good):
+    plan = good_plan()
+    phases, step = np.array(good.phases), good.wave_step
+    assert set(step[phases == "wave"]) == set(range(1, len(plan.sequence.steps) + 1))
+    assert set(step[np.isin(phases, ["pick", "lift", "release", "retreat"])]) == {-1}
+    assert step[phases == "approach"][-1] == 0  # the arm lands the start cup
+    assert_array_equal(good.tau, plan.track.tau)
+
+
+def test_statements_are_the_summary_and_what_is_wrong(bad):
+    plan = spoiled_plan()
+    wrong = [told.text for told in bad.statements if told.wrong]
+    assert wrong == failures(plan.verdict, front(), plan.track)
+    assert [told.text for told in bad.statements] == bad.verdict
+
+
+def test_statements_speak_of_their_moment_and_place(bad):
+    told = {one.text: one for one in bad.statements}
+    for event in bad.events:
+        if event.sentence in told:
+            spoken = told[event.sentence]
+            assert (spoken.pose, spoken.place) == (event.pose, event.place)
+    (interlink,) = [t for t in bad.statements if t.text.startswith("The interlink")]
+    assert interlink.place == pytest.approx((0.11, 0.33))
+    (laid,) = [t for t in bad.statements if t.text.startswith("Laid, ")]
+    assert laid.pose == spoiled_plan().track.held.stop - 1
+    (high,) = [t for t in bad.statements if "above the mold at the last" in t.text]
+    placed = spoiled_plan().track.placed[:, FAR_CUP]
+    assert high.pose == placed.argmax()
+    assert high.place == pytest.approx((0.22, 0.33))
+    (fiber,) = [t for t in bad.statements if t.text.startswith("Length-infeasible")]
+    assert fiber.pose is not None
+    assert fiber.place is not None
+    assert bad.statements[-1] == Statement(bad.verdict[-1])  # on fidelity: no moment
+
+
+def test_rungs_are_those_of_the_strips(good, bad):
+    assert good.rungs == ("cubic",)
+    assert not good.strip_rungs.any()
+    plan = spoiled_plan()
+    assert plan.judged[1].choice.model.name == "modal"
+    assert bad.rungs == ("cubic", "modal")
+    for fiber in bad.long_fibers:
+        strip = bad.interlinks.tolist().index(list(fiber.cups))
+        assert bad.strip_rungs[fiber.poses, strip].all()
+    assert not bad.strip_rungs[0].any()
+
+
+def test_facts_say_what_it_was_made_from(good):
+    facts = dict(good.facts)
+    assert facts["Mold"].startswith("a paraboloid")
+    assert facts["Tool"] == "3 x 4 cups, 110 mm apart"
+    assert facts["Fidelity"] == "kinematic"
+    assert good_plan().document["hash"].endswith(facts["Plan"]) is False
+    assert (
+        good_plan().document["hash"].removeprefix("sha256:").startswith(facts["Plan"])
+    )
+
+
+def test_robustness_is_that_of_the_plan(good):
+    assert good.robustness is None
+    stated = Plan({**good_plan().document, "robustness": {"samples": 3}})
+    vars(stated)["judged"] = good_plan().judged  # spares the time to judge it anew
+    assert view_of(stated).robustness == {"samples": 3}
+
+
+def test_gaps_of_the_panels_are_exact(bad):
+    """Packed gaps are within half a step of the plan's, deep ones included."""
+    payload = packing.Payload()
+    entry = details(bad, payload)["gaps"]
+    k, nt, ns = bad.gap.shape
+    data = payload.to_bytes({})
+    assert data == payload.to_bytes({})
+    start, size = payload._places[entry["blob"]]
+    raw = np.frombuffer(b"".join(payload._blobs), np.uint8)[start : start + size]
+    low, high = raw.reshape(2, -1).astype(np.uint16)
+    folded = (low | high << 8).reshape(1, k, nt, ns)
+    values = (folded >> 1) ^ (0 - (folded & 1))
+    for axis in (1, 2, 3):
+        values = np.cumsum(values, axis=axis, dtype=np.uint16)
+    shown = GAP_LOWEST + GAP_STEP * values[0].astype(float)
+    near = bad.gap < 0.2
+    assert_allclose(shown[near], bad.gap[near], atol=GAP_STEP / 2 + 1e-12)
+
+
+def test_details_are_plain(bad):
+    found = details(bad, packing.Payload())
+    assert json.loads(json.dumps(found, allow_nan=False))["events"]
+
+
+def test_a_view_without_findings_has_defaults():
+    view = synthetic_view(poses=3, samples=(6, 5))
+    assert (view.margins == MARGIN_SHOWN).all()
+    assert view.statements[0] == Statement(view.verdict[0])
+    assert_allclose(np.diff(view.s) > 0, True)
+    assert view.t[-1] == pytest.approx(0.85, rel=0.01)
+    with pytest.raises(InputError, match="margins"):
+        replace(view, margins=np.zeros((2, 2)))
