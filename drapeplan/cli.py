@@ -124,34 +124,34 @@ def check(
 
 @app.command()
 def preview(
-    plan_file: PlanFile,
+    plan_files: Annotated[
+        list[Path], typer.Argument(metavar="PLAN [PLAN]", help="Plan file, or two.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="HTML file to write.")],
     show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    png: Annotated[
+        str | None,
+        typer.Option(
+            metavar="STEP,...",
+            help="Write a picture of these wave steps (or pose=K) instead.",
+        ),
+    ] = None,
+    view: Annotated[
+        str | None, typer.Option(help="Of a picture: Iso, Top, Front, Side, ...")
+    ] = None,
+    size: Annotated[str | None, typer.Option(help="Of a picture: 1280x720.")] = None,
     as_json: Json = False,
 ) -> int:
     """Write the preview of a plan: one HTML file that works offline."""
-    from drapeplan.plan import Plan
-    from viewer.page import export
-    from viewer.scene import view_of
+    from drapeplan.commands_preview import picture_command, preview_command
 
-    check_outputs([output], [plan_file])
-    result = Plan.read(plan_file)
-    try:
-        view = view_of(result)
-    except (LookupError, TypeError, ValueError, ArithmeticError) as error:
-        problem = f"its parts do not fit together ({error})"
-        remedy = "drapeplan check says what was altered"
-        raise InputError(str(plan_file), "", problem, remedy) from error
-    facts = export(view, output)
-    if as_json:
-        print(json.dumps({"good": True, "written": [str(output)], **facts}))
-    else:
-        print(f"wrote {output}")
-    if show:
-        import webbrowser
-
-        webbrowser.open(output.resolve().as_uri())
-    return 0
+    if png is not None:
+        sized = size or "1280x720"
+        return picture_command(plan_files, output, png, view, sized, as_json)
+    if (view, size) != (None, None):
+        problem = "--view and --size say nothing without it"
+        raise InputError("--png", "", problem, "add --png STEP")
+    return preview_command(plan_files, output, show, as_json)
 
 
 @app.command()

@@ -120,8 +120,8 @@ def reached(name):
 def test_reader_sees_the_imports():
     """The tests below say nothing if the reading fails."""
     assert {"drapeplan.robot", "numpy"} <= imports("drapeplan.closures")
-    assert "viewer.page" in imports("drapeplan.cli")
-    assert "viewer.page" not in imports("drapeplan.cli", at_start=True)
+    assert "viewer.page" in imports("drapeplan.commands_preview")
+    assert "viewer.page" not in imports("drapeplan.commands_preview", at_start=True)
     assert "drapeplan.surfaces" in reached("drapeplan.net")
     assert len(MODULES) > 40
 
@@ -158,7 +158,7 @@ def test_viewer_is_for_the_command_line_alone_and_late(name):
         return
     used = [found for found in imports(name) if found.split(".")[0] == "viewer"]
     early = imports(name, at_start=True)
-    assert not used or name == "drapeplan.cli"
+    assert not used or name == "drapeplan.commands_preview"
     assert not set(used) & early
 
 
