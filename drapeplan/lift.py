@@ -12,12 +12,12 @@ from drapeplan.surfaces import AbstractSurface, Array, Field
 
 @dataclass(frozen=True)
 class Fronts:
-    """Outer rims of the placed rectangle, seen from the start cup.
+    """Where the lift begins on the four sides of the start cup.
 
     Attributes:
         center: Start cup in the mold's xy-plane, shape (2,), in [m].
         warp: Direction of s in that plane, [rad].
-        distances: Rim along -s, +s, -t, +t, shape (4,), in [m].
+        distances: Fronts along -s, +s, -t, +t, shape (4,), in [m].
     """
 
     center: Array
@@ -34,30 +34,62 @@ class RectangleLift(AbstractSurface):
 
     Attributes:
         fronts: The rectangle.
-        curvature: c in [1/m].
+        curvature: c along s and along t, in [1/m].
         bend: w in [m].
     """
 
     fronts: Fronts
-    curvature: float
+    curvature: tuple[float, float]
     bend: float
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> Field:
         """Lift and its gradient at (x, y), each of their shape, in [m] and [1]."""
-        c, w = self.curvature, self.bend
+        c, w = np.repeat(self.curvature, 2), self.bend
         cos, sin = np.cos(self.fronts.warp), np.sin(self.fronts.warp)
         dx = np.asarray(x, float) - self.fronts.center[0]
         dy = np.asarray(y, float) - self.fronts.center[1]
         s, t = cos * dx + sin * dy, cos * dy - sin * dx
         along = np.stack([-s, s, -t, t], axis=-1)
         d = np.maximum(0.0, along - self.fronts.distances)
-        lift = np.where(d < w, c * d**2, c * w * (2 * d - w)).sum(axis=-1)
+        lift = (c * _bent(d, w)).sum(axis=-1)
         slope = 2 * c * np.minimum(d, w)
         slope_s, slope_t = (
             slope[..., 1] - slope[..., 0],
             slope[..., 3] - slope[..., 2],
         )
         return lift, cos * slope_s - sin * slope_t, sin * slope_s + cos * slope_t
+
+
+@dataclass(frozen=True)
+class RadialLift(AbstractSurface):
+    """Lift beyond a circle around the start cup, by the same law.
+
+    Attributes:
+        center: Start cup in the mold's xy-plane, shape (2,), in [m].
+        front: Radius of the circle, [m].
+        curvature: c in [1/m].
+        bend: w in [m].
+    """
+
+    center: Array
+    front: float
+    curvature: float
+    bend: float
+
+    def evaluate(self, x: ArrayLike, y: ArrayLike) -> Field:
+        """Lift and its gradient at (x, y), each of their shape, in [m] and [1]."""
+        dx = np.asarray(x, float) - self.center[0]
+        dy = np.asarray(y, float) - self.center[1]
+        radius = np.hypot(dx, dy)
+        d = np.maximum(0.0, radius - self.front)
+        slope = 2 * self.curvature * np.minimum(d, self.bend)
+        slope = slope / np.where(d > 0, radius, 1.0)
+        return self.curvature * _bent(d, self.bend), slope * dx, slope * dy
+
+
+def _bent(d: Array, w: float) -> Array:
+    """Square of a distance over the bend zone w, then straight on, in [m^2]."""
+    return np.where(d < w, d**2, w * (2 * d - w))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
+from drapeplan.families import HoverPath
 from drapeplan.frames import (
     FLIP,
     around_base,
@@ -20,7 +21,6 @@ from drapeplan.frames import (
 )
 from drapeplan.legs import leg_coordinates
 from drapeplan.net import Net
-from drapeplan.scene import HoverPath
 from drapeplan.wave import Wave, shaping
 
 Array = NDArray[np.float64]
@@ -82,8 +82,8 @@ def plan_path(cell: Cell, targets: Net, wave: Wave, start_cup: int) -> Path:
     """All waypoints of a drape.
 
     The tool keeps still during the wave; its height centers the legs' range. The ply
-    is picked flat at mid stroke. A rectangle blend shapes the ply over the table and
-    lowers it onto the mold; the hover family may bring it flat and shape it there.
+    is picked flat at mid stroke. Families with a lift shape the ply over the table and
+    lower it onto the mold; the hover family may bring it flat and shape it there.
 
     Args:
         cell: Robot, mold and ply.

@@ -20,6 +20,7 @@ from drapeplan.cell import (
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.errors import InfeasibleError
 from drapeplan.explain import words
+from drapeplan.families import HoverPath, RectangleBlendPath
 from drapeplan.hanging import hang_shift, kinematic_lag, shifted
 from drapeplan.judge import judge
 from drapeplan.motion import Motion, StrokesError, follow
@@ -27,7 +28,7 @@ from drapeplan.net import Net, least_shear_net
 from drapeplan.overhang import pads_over_edges
 from drapeplan.path import Path, plan_path
 from drapeplan.plan import DIGITS, Plan, make_document
-from drapeplan.scene import HoverPath, Scene
+from drapeplan.scene import Scene
 from drapeplan.sentences import sentences
 from drapeplan.sequence import Sequence, make_sequence
 from drapeplan.settling import UnsettledError, settle_path
@@ -191,8 +192,8 @@ def cup_targets(cell: Cell) -> Net:
 def request_wave(cell: Cell, targets: Net, sequence: Sequence) -> Wave:
     """Requested cup poses; freely given steps are pressed down from a hover."""
     path = cell.scene.path
-    if not sequence.rectangles and not isinstance(path, HoverPath):
-        path = HoverPath(family="hover")
+    if not sequence.rectangles and isinstance(path, RectangleBlendPath):
+        path = HoverPath(family="hover", toe_up_deg=path.toe_up_deg)
     warp = float(np.radians(cell.scene.placement.warp_deg))
     return plan_wave(cell.mold, targets, cell.grid, sequence, path, warp)
 

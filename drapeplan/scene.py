@@ -5,34 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from drapeplan.families import PathSection, RectangleBlendPath
 from drapeplan.reading import first_mistake, read_yaml
-
-# Bounds far beyond any cell, yet short of where float64 loses or overflows.
-Meters = Annotated[float, Field(ge=-100, le=100)]
-Offset = Annotated[float, Field(ge=-10, le=10)]  # [m] along the mold
-Degrees = Annotated[float, Field(ge=-360, le=360)]
-Radians = Annotated[float, Field(ge=-10, le=10)]
-Signed = Annotated[float, Field(ge=-1000, le=1000)]  # [mm] either way
-Size = Annotated[float, Field(gt=0, le=10000)]  # [mm] of a feature or a move
-Width = Annotated[float, Field(ge=1, le=10000)]  # [mm] of what a cup can feel
-Small = Annotated[float, Field(gt=0, le=100)]  # [mm] of a tolerance
-Point3 = tuple[Meters, Meters, Meters]
-CupIndex = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
-
-
-class Section(BaseModel):
-    """A part of the scene: unknown keys, infinities and NaN are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from drapeplan.section import (
+    CupIndex,
+    Degrees,
+    Offset,
+    Point3,
+    Radians,
+    Section,
+    Signed,
+    Size,
+    Small,
+    Width,
+)
 
 
 class RobotSection(Section):
@@ -198,37 +186,19 @@ class PickSection(Section):
     yaw_deg: Degrees = 90.0
 
 
+Pattern = Literal[
+    "auto", "all_sides", "alternate_sides", "spine_s", "spine_t", "radial"
+]
+RING = "radial: cups whose distances differ by no more land together"
+
+
 class SequenceSection(Section):
     """Start cup and wave steps."""
 
     start: CupIndex | Literal["auto"] = "auto"
-    pattern: Literal["auto", "all_sides", "alternate_sides", "spine_s", "spine_t"] = (
-        "auto"
-    )
+    pattern: Pattern = "auto"
+    ring_pitches: Annotated[float, Field(ge=0, le=100, description=RING)] = 0.0
     steps: tuple[tuple[CupIndex, ...], ...] | None = None
-
-
-class RectangleBlendPath(Section):
-    """The lifted surface rolls down on the sides of the placed rectangle."""
-
-    family: Literal["rectangle_blend"] = "rectangle_blend"
-    lift_per_m: Annotated[float, Field(gt=0, le=100)] = 0.6
-    bend_mm: Size = 120.0
-    poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
-    last_gap_mm: Small = 0.2
-
-
-class HoverPath(Section):
-    """The ply arrives, hovers over the mold, and its cups are pressed down."""
-
-    family: Literal["hover"]
-    height_mm: Size = 5.0
-    arrival: Literal["flat", "shaped"] = "flat"
-    poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
-    last_gap_mm: Small = 0.2
-
-
-PathSection = Annotated[RectangleBlendPath | HoverPath, Field(discriminator="family")]
 
 
 class MotionSection(Section):
@@ -238,12 +208,6 @@ class MotionSection(Section):
     clearance_mm: Size = 50.0
     step_time_s: Annotated[float, Field(ge=0.01, le=3600)] = 4.0
     speed_fraction: Annotated[float, Field(ge=0.001, le=1)] = 0.25
-
-
-class LeadSection(Section):
-    """How strokes lead the tilt lag of the cups."""
-
-    toe_up_deg: Annotated[float, Field(ge=0, le=10)] = 0.5
 
 
 Spread = Annotated[float, Field(ge=0, le=20)]  # [mm], [deg] standard deviation
@@ -291,10 +255,29 @@ class Scene(Section):
     path: PathSection = RectangleBlendPath()
     motion: MotionSection = MotionSection()
     tolerance: ToleranceSection = ToleranceSection()
-    lead: LeadSection = LeadSection()
     uncertainty: UncertaintySection = UncertaintySection()
     fidelity: Literal["equilibrium", "kinematic"] = "equilibrium"
     seed: Annotated[int, Field(ge=0, description=SAMPLES)] = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _radial_order(cls, data: Any) -> Any:
+        """The radial family lays cups in the order of their distance."""
+        if not isinstance(data, dict) or _named(data, "path", "family") != "radial":
+            return data
+        sequence = data.get("sequence") or {}
+        if _named(data, "sequence", "pattern") in (None, "auto"):
+            sequence = {**sequence, "pattern": "radial"}
+        return {**data, "sequence": sequence}
+
+    @model_validator(mode="after")
+    def _family_fits_the_order(self) -> Scene:
+        pattern, family = self.sequence.pattern, self.path.family
+        if pattern == "radial" and family == "rectangle_blend":
+            raise ValueError("pattern radial needs path.family radial or hover")
+        if family == "radial" and (pattern != "radial" or self.sequence.steps):
+            raise ValueError("path.family radial needs pattern radial")
+        return self
 
 
 def read_scene(path: Path) -> Scene:
@@ -318,6 +301,12 @@ def scene_from(data: dict[str, Any], source: str) -> Scene:
         raise first_mistake(error, source, _KEYS, _VARIANTS) from error
 
 
+def _named(data: dict[str, Any], section: str, key: str) -> Any:
+    """What raw data say under a key, None if nothing."""
+    part = data.get(section)
+    return part.get(key) if isinstance(part, dict) else getattr(part, key, None)
+
+
 def _all_keys() -> set[str]:
     """Names of all keys, to suggest one for a misspelled key."""
     schema = Scene.model_json_schema()
@@ -328,5 +317,5 @@ def _all_keys() -> set[str]:
 _KEYS = sorted(_all_keys())
 _VARIANTS = {
     *("plane", "paraboloid", "sphere", "cylinder", "ridge", "step", "kindrape"),
-    *("rectangle_blend", "hover"),
+    *("rectangle_blend", "radial", "hover"),
 }

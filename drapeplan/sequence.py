@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,6 +13,8 @@ from drapeplan.errors import InputError
 from drapeplan.scene import SequenceSection
 
 Cup = tuple[int, int]
+Step = tuple[Cup, ...]
+DIGITS = 9  # decimals of a distance in pitches: ties land together
 SIDES = ("left", "right", "down", "up")  # -s, +s, -t, +t of the start cup
 
 
@@ -52,7 +56,7 @@ class Sequence:
         pattern: Name of the pattern, or "steps" if given freely.
         steps: Cups that each wave step places, the start cup not among them.
         rectangles: Placed rectangle before the first step and after each step;
-            empty if the steps are given freely.
+            empty where the steps grow no rectangle.
     """
 
     rows: int
@@ -101,6 +105,9 @@ def make_sequence(
     else:
         start = section.start
     _on_tool(start, rows, columns, source, "sequence.start")
+    if section.pattern == "radial":
+        rings = tuple(_rings(start, rows, columns, section.ring_pitches))
+        return Sequence(rows, columns, start, "radial", rings, ())
     pattern = "alternate_sides" if section.pattern == "auto" else section.pattern
     rectangle = Rectangle(start[0], start[0], start[1], start[1])
     rectangles = [rectangle]
@@ -112,6 +119,17 @@ def make_sequence(
         for old, new in pairwise(rectangles)
     )
     return Sequence(rows, columns, start, pattern, steps, tuple(rectangles))
+
+
+def _rings(start: Cup, rows: int, columns: int, width: float) -> Iterator[Step]:
+    """Cups in the order of their distance; those within a width land together."""
+    cups = [(i, j) for i in range(rows) for j in range(columns) if (i, j) != start]
+    distance = {cup: round(math.dist(cup, start), DIGITS) for cup in cups}
+    cups.sort(key=lambda cup: (distance[cup], cup))
+    while cups:
+        ring = [cup for cup in cups if distance[cup] <= distance[cups[0]] + width]
+        yield tuple(sorted(ring))
+        cups = cups[len(ring) :]
 
 
 def _advances(

@@ -120,7 +120,7 @@ class _Walk:
         physics = tool_physics(cell)
         self.tool = Equilibrium(self.robot, physics)
         self.strokes = StrokeLead(Chords(self.robot), physics.longest_fiber)
-        self.toe_up = np.radians(cell.scene.lead.toe_up_deg)
+        self.toe_up = np.radians(cell.scene.path.toe_up_deg)
         n = len(self.columns)
         placed = np.asarray(path.states == CupState.PLACED)
         last = len(path.phase) - 1 - path.phase[::-1].index("wave")

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from drapeplan.lift import Fronts, RectangleLift, WeightedSum
+from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath
+from drapeplan.lift import Fronts, RadialLift, RectangleLift, WeightedSum
 from drapeplan.mold import HeightGrid
 from drapeplan.net import Net, nearest_net
-from drapeplan.scene import HoverPath, RectangleBlendPath
-from drapeplan.sequence import Rectangle, Sequence
+from drapeplan.sequence import Sequence
 from drapeplan.surfaces import AbstractSurface, Plane
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Wave:
     residual: Array
     surface: AbstractSurface
     height: float
-    path: RectangleBlendPath | HoverPath
+    path: RectangleBlendPath | RadialPath | HoverPath
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def plan_wave(
     targets: Net,
     grid: Grid,
     sequence: Sequence,
-    path: RectangleBlendPath | HoverPath,
+    path: RectangleBlendPath | RadialPath | HoverPath,
     warp: float,
 ) -> Wave:
     """Cup poses of a path family, from the start cup on the mold to the last cup.
@@ -82,7 +82,7 @@ def plan_wave(
     """
     if isinstance(path, HoverPath):
         return _hover(mold, targets, grid, sequence, path)
-    return _rectangle_blend(mold, targets, grid, sequence, path, warp)
+    return _rolled(mold, targets, grid, sequence, path, warp)
 
 
 def progress(gap: float, last_gap: float, poses: int) -> Array:
@@ -101,22 +101,20 @@ def progress(gap: float, last_gap: float, poses: int) -> Array:
     return np.append(np.round(1 - remaining, DIGITS), 1.0)
 
 
-def _rectangle_blend(
+def _rolled(
     mold: HeightGrid,
     targets: Net,
     grid: Grid,
     sequence: Sequence,
-    path: RectangleBlendPath,
+    path: RectangleBlendPath | RadialPath,
     warp: float,
 ) -> Wave:
-    lifts = [
-        RectangleLift(
-            _fronts(targets, grid, sequence, rectangle, warp),
-            path.lift_per_m,
-            path.bend_mm * 1e-3,
-        )
-        for rectangle in sequence.rectangles
-    ]
+    """The mold with a lift that rolls down, one lift after the other."""
+    rim = grid.half_width + path.rim_offset_mm * 1e-3
+    if isinstance(path, RadialPath):
+        lifts = _radial_lifts(targets.xy, rim, sequence, path)
+    else:
+        lifts = _rectangle_lifts(targets.xy, rim, sequence, path, warp)
     log = _Log(grid, targets, sequence)
     lifted = WeightedSum(((1.0, mold), (1.0, lifts[0])))
     log.add(lifted, 0, 0.0)
@@ -129,17 +127,36 @@ def _rectangle_blend(
     return log.wave(lifted, 0.0, path)
 
 
-def _fronts(
-    targets: Net, grid: Grid, sequence: Sequence, rectangle: Rectangle, warp: float
-) -> Fronts:
-    """Outer rims of a placed rectangle of the target net."""
-    center = targets.xy[sequence.index(sequence.start_cup)]
-    placed = targets.xy[[sequence.index(cup) for cup in rectangle.cups()]] - center
+def _rectangle_lifts(
+    xy: Array, rim: float, sequence: Sequence, path: RectangleBlendPath, warp: float
+) -> list[AbstractSurface]:
+    """Lift beyond the outer rims of each placed rectangle of the target net."""
+    center = xy[sequence.index(sequence.start_cup)]
     cos, sin = np.cos(warp), np.sin(warp)
-    s = placed @ [cos, sin]
-    t = placed @ [-sin, cos]
-    reach = np.array([-s.min(), s.max(), -t.min(), t.max()])
-    return Fronts(center, warp, reach + grid.half_width)
+    c = path.lift_per_m
+    curvature = c if isinstance(c, tuple) else (c, c)
+    lifts: list[AbstractSurface] = []
+    for rectangle in sequence.rectangles:
+        placed = xy[[sequence.index(cup) for cup in rectangle.cups()]] - center
+        s, t = placed @ [cos, sin], placed @ [-sin, cos]
+        reach = np.array([-s.min(), s.max(), -t.min(), t.max()])
+        fronts = Fronts(center, warp, reach + rim)
+        lifts.append(RectangleLift(fronts, curvature, path.bend_mm * 1e-3))
+    return lifts
+
+
+def _radial_lifts(
+    xy: Array, rim: float, sequence: Sequence, path: RadialPath
+) -> list[AbstractSurface]:
+    """Lift beyond the circle that the placed cups of each step reach."""
+    center = xy[sequence.index(sequence.start_cup)]
+    distance = np.hypot(*(xy - center).T)
+    lifts: list[AbstractSurface] = []
+    for k in range(len(sequence.steps) + 1):
+        front = float(distance[sequence.placed_after(k)].max()) + rim
+        bend = path.bend_mm * 1e-3
+        lifts.append(RadialLift(center, front, path.lift_per_m, bend))
+    return lifts
 
 
 def _hover(
@@ -202,7 +219,7 @@ class _Log:
         self,
         surface: AbstractSurface,
         height: float,
-        path: RectangleBlendPath | HoverPath,
+        path: RectangleBlendPath | RadialPath | HoverPath,
     ) -> Wave:
         """All poses as arrays, with what the first one lies on."""
         step = np.array([row[0] for row in self.rows])

@@ -25,6 +25,7 @@ HOMES = {
         "drapeplan.scan",  # PLY scans
     },
     "pydantic": {
+        *("drapeplan.section", "drapeplan.families"),  # parts of the scene
         *("drapeplan.scene", "drapeplan.plan_file", "drapeplan.cups_file"),  # formats
         *("drapeplan.reading", "drapeplan.plan"),  # pydantic's findings in one line
     },

@@ -15,7 +15,7 @@ STEP = 1e-6  # [m] central differences
 def lift(warp=0.0, curvature=0.6, bend=0.12):
     distances = np.array([0.13, 0.24, 0.02, 0.35])
     return RectangleLift(
-        Fronts(np.array([0.05, -0.03]), warp, distances), curvature, bend
+        Fronts(np.array([0.05, -0.03]), warp, distances), (curvature, curvature), bend
     )
 
 

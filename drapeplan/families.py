@@ -1,0 +1,56 @@
+"""Path families: how the ply comes down, and the parameters of each."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drapeplan.section import Section, Size, Small
+
+TOE = "[deg] by which landing cups lean back, their outer edge up"
+OFFSET = "[mm] from the placed pads' outer rim to where the lift begins"
+LIFT = "[1/m] c of c d^2; one number, or one along s and one along t"
+Lift = Annotated[float, Field(gt=0, le=100)]
+
+
+class FamilySection(Section):
+    """What all families have: how finely cups come down, and how they lean."""
+
+    poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
+    last_gap_mm: Small = 0.2
+    toe_up_deg: Annotated[float, Field(ge=0, le=10, description=TOE)] = 0.5
+
+
+class LiftedSection(FamilySection):
+    """Families in which the mold with a lift rolls down ahead of the front."""
+
+    bend_mm: Size = 120.0
+    rim_offset_mm: Annotated[float, Field(ge=-20, le=100, description=OFFSET)] = 0.0
+
+
+class RectangleBlendPath(LiftedSection):
+    """The lifted surface rolls down on the sides of the placed rectangle."""
+
+    family: Literal["rectangle_blend"] = "rectangle_blend"
+    lift_per_m: Annotated[Lift | tuple[Lift, Lift], Field(description=LIFT)] = 0.6
+
+
+class RadialPath(LiftedSection):
+    """The lifted surface rolls down in rings around the start cup."""
+
+    family: Literal["radial"]
+    lift_per_m: Lift = 0.6
+
+
+class HoverPath(FamilySection):
+    """The ply arrives, hovers over the mold, and its cups are pressed down."""
+
+    family: Literal["hover"]
+    height_mm: Size = 5.0
+    arrival: Literal["flat", "shaped"] = "flat"
+
+
+PathSection = Annotated[
+    RectangleBlendPath | RadialPath | HoverPath, Field(discriminator="family")
+]
