@@ -51,9 +51,9 @@ def plan_command(
     if samples is not None:
         check_samples(samples)
     written = [output, figure] if figure else [output]
-    check_outputs(written, _inputs(read, scene))
+    check_outputs(written, inputs_of(read, scene))
     try:
-        with _naming(scene), show_progress(as_json) as progress:
+        with naming(scene), show_progress(as_json) as progress:
             outcome = make_plan(read, scene.parent, str(scene), progress)
     except InfeasibleError:
         if output.exists():
@@ -74,7 +74,7 @@ def plan_command(
 
 
 @contextmanager
-def _naming(scene: Path) -> Iterator[None]:
+def naming(scene: Path) -> Iterator[None]:
     """Errors that know a key of the scene, yet not its file, get the file."""
     try:
         yield
@@ -87,7 +87,7 @@ def _naming(scene: Path) -> Iterator[None]:
         raise InputError(str(scene), key, error.problem, error.remedy) from error
 
 
-def _inputs(read: Scene, scene: Path) -> list[Path]:
+def inputs_of(read: Scene, scene: Path) -> list[Path]:
     """Files that a scene is read from."""
     mesh, urdfs = read.mold.mesh, (read.robot.urdf, read.tool.urdf)
     named = [mesh.path if mesh else None, *urdfs]

@@ -96,7 +96,7 @@ class StrokesError(InfeasibleError):
 def follow(
     cell: Cell,
     path: Path,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, Array], None] | None = None,
     qp: QpSolver | None = None,
 ) -> Motion:
     """Joint positions for every waypoint of a path.
@@ -108,7 +108,8 @@ def follow(
     Args:
         cell: Robot, mold and ply.
         path: The requested path.
-        progress: Called with the number of waypoints done.
+        progress: Called with the number of waypoints done and the last one's joint
+            positions.
         qp: Solver of the QPs; OSQP, kept alive, if None.
 
     Raises:
@@ -121,7 +122,7 @@ def follow(
     for k in range(len(path.tau)):
         follower.advance(k)
         if progress:
-            progress(k + 1)
+            progress(k + 1, follower.rows[-1])
     q = np.stack(follower.rows)
     time = schedule(cell, path.phase, path.step, path.tau, q)
     return Motion(q, time, np.array(follower.programs))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,16 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 
+class Watch(Protocol):
+    """Somebody who looks on while a drape is planned."""
+
+    def path(self, cell: Cell, path: Path) -> None:
+        """What is asked for, before any joint is known."""
+
+    def waypoint(self, k: int, q: Array) -> None:
+        """Joint positions of a waypoint; a later stage may better them."""
+
+
 class NotDrapableError(InfeasibleError):
     """No joint positions lay the ply as asked; the requested poses are judged anyway.
 
@@ -66,7 +77,11 @@ class Outcome:
 
 
 def make_plan(
-    scene: Scene, folder: FilePath, source: str, progress: Progress | None = None
+    scene: Scene,
+    folder: FilePath,
+    source: str,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
 ) -> Outcome:
     """Plan a drape.
 
@@ -75,6 +90,7 @@ def make_plan(
         folder: Folder that the scene's paths are relative to.
         source: Names the scene in error messages.
         progress: Called with the stage and its share done, 0 to 1.
+        watch: Shown what is known so far; it changes nothing.
 
     Raises:
         InputError: If the scene names what does not exist or does not fit.
@@ -88,13 +104,19 @@ def make_plan(
     tell("net and wave", 0.0)
     asked = make_request(cell, sequence)
     path, wave = asked.path, asked.wave
-    count = len(path.tau)
+    if watch:
+        watch.path(cell, path)
+
+    def solved(stage: str, done: int, q: Array) -> None:
+        tell(stage, done / len(path.tau))
+        if watch:
+            watch.waypoint(done - 1, q)
+
     try:
-        motion = follow(cell, path, lambda k: tell("strokes", k / count))
+        motion = follow(cell, path, partial(solved, "strokes"))
         if scene.fidelity == "equilibrium":
-            motion = settle_path(
-                cell, path, motion, progress=lambda k: tell("rest", k / count)
-            ).motion
+            told = partial(solved, "rest")
+            motion = settle_path(cell, path, motion, progress=told).motion
     except (StrokesError, UnsettledError) as error:
         raise _not_drapable(cell, sequence, wave, error) from error
     track = make_track(cell, path, motion)

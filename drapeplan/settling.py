@@ -89,7 +89,7 @@ def settle_path(
     motion: Motion,
     *,
     lead: bool = True,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, Array], None] | None = None,
 ) -> Settling:
     """Settle a path at equilibrium, its strokes leading the lag of the cups.
 
@@ -98,7 +98,8 @@ def settle_path(
         path: The requested path.
         motion: Its kinematic solution.
         lead: Whether strokes are corrected; else those of the motion are kept.
-        progress: Called with the number of waypoints done.
+        progress: Called with the number of waypoints done and the last one's joint
+            positions.
 
     Raises:
         UnsettledError: A waypoint has no stable rest.
@@ -107,7 +108,7 @@ def settle_path(
     for k in range(len(path.tau)):
         walk.advance(k)
         if progress:
-            progress(k + 1)
+            progress(k + 1, walk.rows[-1])
     return walk.result()
 
 

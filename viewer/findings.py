@@ -9,6 +9,7 @@ from drapeplan.front import check_front
 from drapeplan.front_grid import FrontGrid
 from drapeplan.plan import Plan
 from drapeplan.sentences import sentences
+from drapeplan.track import Track
 from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict
 from drapeplan.words import labels
 from ply.fiber import LengthStatus, bubble_height
@@ -38,9 +39,8 @@ def margins(plan: Plan) -> Array:
     return out
 
 
-def wave_steps(plan: Plan) -> Array:
+def wave_steps(track: Track) -> Array:
     """Number of the wave step at each pose: 0 the start cup's, -1 for none, (K,)."""
-    track = plan.track
     wave = np.array(track.phase) == "wave"
     start = track.landing.any(axis=1) | track.placed.any(axis=1)
     return np.where(wave, track.step + 1, np.where(start, 0, -1))

@@ -1,13 +1,16 @@
 """From a plan of drapeplan to the plain arrays that the page is made from."""
 
 from pathlib import PurePath
+from typing import Any
 
 import numpy as np
 
+from drapeplan.cell import Cell
 from drapeplan.mold import HeightGrid
 from drapeplan.plan import Plan
 from drapeplan.scene import Scene
-from drapeplan.visuals import arm_visuals
+from drapeplan.track import Track
+from drapeplan.visuals import ArmVisuals, arm_visuals
 from drapeplan.words import describe
 from urdf.sidecar import neighbor_pairs
 from viewer import findings
@@ -35,51 +38,19 @@ def view_of(plan: Plan) -> PlanView:
         One pose for each waypoint. After the wave the ply stays as it was laid.
     """
     cell, track = plan.cell, plan.track
-    robot = cell.robot
-    positions, rotations = track.poses
-    points, gap = ply_of(plan)
-    upper = robot.geometry.universals
-    vertices, faces = mold_mesh(cell.mold, cell.world_mold)
-    visuals = arm_visuals(cell.sources.arm_urdf)
-    platform = np.ptp(upper[:, :2], axis=0) + 2 * RIM
-    turn, shift = track.tool[:, None, :3, :3], track.tool[:, None, :3, 3]
     fibers = findings.long_fibers(plan)
     told = statements(plan, fibers)
     names, strip_rungs = findings.rungs(plan)
     return PlanView(
-        title=f"Drape on {mold_name(cell.scene)}",
         subtitle=(
             f"Ply model {plan.verdict['ply_model']['model']}, "
-            f"fidelity {plan.verdict['fidelity']}, {robot.columns} x {robot.rows} cups"
+            f"fidelity {plan.verdict['fidelity']}, {size_of(cell)}"
         ),
         verdict=[one.text for one in told],
         good=bool(plan.verdict["good"]),
-        mold_vertices=vertices,
-        mold_faces=faces,
-        ply_points=points,
-        gap=gap,
         labels=describe(track),
-        phases=list(track.phase),
-        cup_positions=positions,
-        cup_rotations=rotations,
-        cup_states=track.states,
-        cup_names=[f"{i},{j}" for i, j in np.ndindex(robot.rows, robot.columns)],
-        universals=(turn @ upper[..., None])[..., 0] + shift,
-        balls=positions + robot.geometry.ball_height * rotations[..., 2],
-        interlinks=np.array(neighbor_pairs(robot.rows, robot.columns)),
-        half_width=robot.half_width,
-        tool_placement=track.tool,
-        platform_size=(float(platform[0]), float(platform[1])),
-        arm_meshes=[Mesh(*body) for body in visuals.bodies],
-        arm_placements=visuals.placements(track.arm),
-        mold_placement=cell.world_mold,
-        table=pick_table(points[0]),
-        s=cell.sampling.s,
-        t=cell.sampling.t,
-        cups_around=cell.sampling.cups_around,
+        wave_step=findings.wave_steps(track),
         margins=findings.margins(plan),
-        wave_step=findings.wave_steps(plan),
-        tau=track.tau,
         events=findings.events(plan),
         long_fibers=fibers,
         rungs=names,
@@ -87,7 +58,62 @@ def view_of(plan: Plan) -> PlanView:
         statements=told,
         facts=facts(plan, mold_name(cell.scene)),
         robustness=plan.document.get("robustness"),
+        **drape_of(cell, track, ply_of(plan), arm_visuals(cell.sources.arm_urdf)),
     )
+
+
+def drape_of(
+    cell: Cell, track: Track, ply: tuple[Array, Array], visuals: ArmVisuals
+) -> dict[str, Any]:
+    """What of a view is known before any verdict.
+
+    Args:
+        cell: Robot, mold and ply.
+        track: Waypoints.
+        ply: Its points in the world and its gaps at them, of `ply_of`.
+        visuals: Bodies of the arm.
+
+    Returns:
+        Arguments of PlanView.
+    """
+    robot = cell.robot
+    positions, rotations = track.poses
+    points, gap = ply
+    upper = robot.geometry.universals
+    vertices, faces = mold_mesh(cell.mold, cell.world_mold)
+    platform = np.ptp(upper[:, :2], axis=0) + 2 * RIM
+    turn, shift = track.tool[:, None, :3, :3], track.tool[:, None, :3, 3]
+    return {
+        "title": f"Drape on {mold_name(cell.scene)}",
+        "mold_vertices": vertices,
+        "mold_faces": faces,
+        "ply_points": points,
+        "gap": gap,
+        "phases": list(track.phase),
+        "tau": track.tau,
+        "cup_positions": positions,
+        "cup_rotations": rotations,
+        "cup_states": track.states,
+        "cup_names": [f"{i},{j}" for i, j in np.ndindex(robot.rows, robot.columns)],
+        "universals": (turn @ upper[..., None])[..., 0] + shift,
+        "balls": positions + robot.geometry.ball_height * rotations[..., 2],
+        "interlinks": np.array(neighbor_pairs(robot.rows, robot.columns)),
+        "half_width": robot.half_width,
+        "tool_placement": track.tool,
+        "platform_size": (float(platform[0]), float(platform[1])),
+        "arm_meshes": [Mesh(*body) for body in visuals.bodies],
+        "arm_placements": visuals.placements(track.arm),
+        "mold_placement": cell.world_mold,
+        "table": pick_table(points[0]),
+        "s": cell.sampling.s,
+        "t": cell.sampling.t,
+        "cups_around": cell.sampling.cups_around,
+    }
+
+
+def size_of(cell: Cell) -> str:
+    """Size of the tool in words."""
+    return f"{cell.grid.columns} x {cell.grid.rows} cups"
 
 
 def ply_of(plan: Plan) -> tuple[Array, Array]:
@@ -100,6 +126,11 @@ def ply_of(plan: Plan) -> tuple[Array, Array]:
     points, gap = (
         findings.held_throughout(plan, held) for held in (contact.points, contact.gap)
     )
+    return in_world(cell, points, gap)
+
+
+def in_world(cell: Cell, points: Array, gap: Array) -> tuple[Array, Array]:
+    """The ply in the world, from points in the mold frame, and its gaps as shown."""
     world = points @ cell.world_mold[:3, :3].T + cell.world_mold[:3, 3]
     return world, np.minimum(gap, BESIDE)
 
