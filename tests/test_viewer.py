@@ -34,7 +34,7 @@ POSITION = 10e-6  # [m] what a packed position may lose: a hundredth of a fiber'
 COLOR = 12  # of 255: the published red starts with a kink between two anchors
 SAG = 1e-4  # [m] of a chord of a 20 mm cell on the least radius, both ways
 MOST_BYTES = 4e6  # of the file, for 100 poses of 64 x 86 samples
-SCENE = ("arm", "cups", "floor", "front", "interlinks", "mold", "ply", "tool")
+SCENE = ("arm", "cups", "floor", "front", "interlinks", "marks", "mold", "ply", "tool")
 HOSTILE = 'Ply "P03" </script><b>x</b> <!-- & \''
 on_plan = pytest.mark.xdist_group("planned")  # one worker makes the plan
 

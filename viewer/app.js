@@ -48,7 +48,6 @@ class App {
     for (const add of extensions) add(this);
     this.paint(Object.keys(this.palettes)[0]);
     this.look(book.drapes[0].opening);
-    this.onPose((moment) => drawChart(this, moment));
     addAddress(this);
     addEventListener("resize", () => { this.look(this.view); this.show(this.pose); });
   }

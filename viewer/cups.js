@@ -40,8 +40,8 @@ class Cups {
     for (const key in this.tracks) this.tracks[key].read(k, this.at[key]);
     const { faces, tops, balls, universals } = this.at;
     for (let i = 0; i < this.count; i++) {
-      stretch(this.bodies, i, faces, tops, this.state(k, i) === 1 ? 1.25 : 1);
-      stretch(this.legs, i, balls, universals);
+      stretch(this.bodies, i, pointOf(faces, i), pointOf(tops, i), this.state(k, i) === 1 ? 1.25 : 1);
+      stretch(this.legs, i, pointOf(balls, i), pointOf(universals, i));
       this.bodies.setColorAt(i, this.colors[this.state(k, i)]);
     }
     this.links.forEach((cup, end) => { for (let c = 0; c < 3; c++) this.ends.array[3 * end + c] = balls[3 * cup + c]; });
@@ -50,25 +50,42 @@ class Cups {
   }
 }
 
-/** Symbols and names at the cups: mode "landing" tags those that land, "all" every cup. */
+/** A label above a place of the pane, higher where one of `taken` is in its way. */
+function drawLabel(ink, [left, top], text, paper, color, taken = []) {
+  const wide = ink.measureText(text).width + 8;
+  const hit = () => taken.some((other) => 2 * Math.abs(other.left - left) < other.wide + wide && Math.abs(other.top - top) < 16);
+  while (hit()) top -= 4;
+  taken.push({ left, top, wide });
+  ink.fillStyle = paper;
+  ink.fillRect(left - wide / 2, top - 22, wide, 15);
+  ink.fillStyle = color;
+  ink.fillText(text, left, top - 14);
+}
+
+/** Names at the cups, "landing" of those that land, "all" of every cup, and the marks'. */
 function drawTags(drape, mode) {
-  const { cups, viewer, pose, book } = drape, canvas = drape.dom.tags, ink = canvas.getContext("2d");
-  const width = canvas.clientWidth, height = canvas.clientHeight, ratio = devicePixelRatio;
-  canvas.width = width * ratio;
-  canvas.height = height * ratio;
-  if (mode === "off" || !drape.part("Cups").visible) return;
-  ink.scale(ratio, ratio);
+  const { cups, marks, pose, book } = drape, canvas = drape.dom.tags, ink = canvas.getContext("2d");
+  canvas.width = canvas.clientWidth * devicePixelRatio;
+  canvas.height = canvas.clientHeight * devicePixelRatio;
+  ink.scale(devicePixelRatio, devicePixelRatio);
   ink.textAlign = "center";
   ink.textBaseline = "middle";
   ink.font = "600 11px system-ui, 'DejaVu Sans', sans-serif";
-  for (let i = 0; i < cups.count; i++) {
-    const state = cups.state(pose, i), landing = state === 1;
-    if (mode === "landing" && !landing) continue;
-    const [left, top] = drape.onScreen(cups.at.tops.subarray(3 * i, 3 * i + 3));
-    const text = `${book.states[state].symbol} ${cups.names[i]}`, wide = ink.measureText(text).width + 8;
-    ink.fillStyle = landing ? book.states[1].color : "rgba(255, 255, 255, 0.8)";
-    ink.fillRect(left - wide / 2, top - 22, wide, 15);
-    ink.fillStyle = landing ? "#ffffff" : "#1d2733";
-    ink.fillText(text, left, top - 14);
+  for (let i = 0; i < cups.count && drape.part("Cups").visible; i++) {
+    const state = book.states[cups.state(pose, i)], landing = state === book.states[1];
+    if (mode === "off" || (mode === "landing" && !landing)) continue;
+    const place = drape.onScreen(pointOf(cups.at.tops, i)), text = `${state.symbol} ${cups.names[i]}`;
+    drawLabel(ink, place, text, landing ? state.color : "rgba(255, 255, 255, 0.8)", landing ? "#fff" : "#1d2733");
+  }
+  if (!drape.part("Marks").visible) return;
+  const taken = [];
+  for (const { text, point, color } of marks.labels()) {
+    const [left, top] = drape.onScreen(point);
+    ink.strokeStyle = color;
+    ink.lineWidth = 2;
+    ink.beginPath();
+    ink.arc(left, top, 7, 0, 7);
+    ink.stroke();
+    drawLabel(ink, [left, top - 4], text, "#1d2733", "#fff", taken);
   }
 }

@@ -20,9 +20,10 @@ class Drape {
     for (const blob of plan.commands) viewer.handle_command_bytearray(view(Uint8Array, blob));
     this.ply = new Ply(this);
     this.front = new Front(this, this.ply, 0.1 * plan.cups.radius);
+    this.marks = new Marks(this);
     this.cups = new Cups(this);
     this.bodies = new Bodies(this);
-    this.shown = [this.ply, this.front, this.cups, this.bodies];
+    this.shown = [this.ply, this.front, this.marks, this.cups, this.bodies];
     lightStage(viewer, plan.boxes.drape);
     viewer.set_3d_pane_size();
   }

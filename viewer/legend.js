@@ -19,15 +19,18 @@ class Legend {
       heads.append(element("td"), ...drapes.map(({ letter }) => element("th", letter, { scope: "col" })));
       byId("figures").append(heads);
     }
-    this.contact = this.addRow("In contact");
-    this.lowest = this.addRow("Smallest gap");
-    this.highest = this.addRow("Largest gap");
+    this.contact = this.addRow("In contact, %");
+    this.lowest = this.addRow("Smallest gap, mm");
+    this.highest = this.addRow("Largest gap, mm");
     byId("figures").append(element("tr", "", { class: "gapped" }));
     this.states = book.states.map((state) => this.addRow(state.name, state));
+    const wrong = Object.keys(KINDS).filter((kind) => drapes.some(({ marks }) => marks.all.some((mark) => mark.kind === kind)));
+    if (wrong.length) byId("figures").append(element("tr", "", { class: "gapped" }));
+    this.wrong = wrong.map((kind) => [kind, this.addRow(KINDS[kind].name, KINDS[kind], "fault")]);
   }
 
   /** A row of the table: a name, and a cell for each drape. */
-  addRow(name, state = null) {
+  addRow(name, state = null, kind = state ? "count" : "figure") {
     const row = element("tr"), head = element("th", "", { scope: "row" });
     if (state) {
       const mark = element("span", state.symbol, { class: "swatch", "aria-hidden": "true" });
@@ -35,7 +38,7 @@ class Legend {
       head.append(mark);
     }
     head.append(name);
-    const cells = this.drapes.map(() => element("td", "", { class: state ? "count" : "figure" }));
+    const cells = this.drapes.map(() => element("td", "", { class: kind }));
     row.append(head, ...cells);
     byId("figures").append(row);
     return cells;
@@ -51,12 +54,13 @@ class Legend {
   }
 
   show() {
-    this.drapes.forEach(({ plan, pose, cups }, i) => {
-      const gap = (value, digits) => (value < this.book.beside ? millimeters(value, digits) : "–");
-      this.contact[i].textContent = `${(100 * plan.contact[pose]).toFixed(1)} %`;
+    this.drapes.forEach(({ plan, pose, cups, marks }, i) => {
+      const gap = (value, digits) => (value < this.book.beside ? (1e3 * value).toFixed(digits).replace("-", "−") : "–");
+      this.contact[i].textContent = (100 * plan.contact[pose]).toFixed(1);
       this.lowest[i].textContent = gap(plan.lowest[pose], 2);
       this.highest[i].textContent = gap(plan.highest[pose], 1);
       cups.counts(pose).forEach((count, state) => { this.states[state][i].textContent = count; });
+      for (const [kind, cells] of this.wrong) cells[i].textContent = marks.count(kind);
     });
   }
 }

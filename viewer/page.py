@@ -21,13 +21,22 @@ from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION, TOUCH, PlanView
 Array = np.ndarray
 
 SCRIPTS = (
-    *("dom.js", "unpack.js", "camera.js", "stage.js", "ply.js", "cups.js", "drape.js"),
-    *("timeline.js", "legend.js", "hover.js", "keys.js", "address.js", "app.js"),
-    *("probe.js", "events.js", "curves.js", "section.js"),  # panels
+    *("dom.js", "unpack.js", "camera.js", "stage.js", "ply.js", "marks.js", "cups.js"),
+    *(
+        "drape.js",
+        "timeline.js",
+        "legend.js",
+        "hover.js",
+        "keys.js",
+        "address.js",
+        "app.js",
+    ),
+    *("svg.js", "probe.js", "events.js", "curves.js", "section.js", "robustness.js"),
+    "facts.js",  # panels
     "start.js",
 )  # in reading order
 STYLES = ("page.css", "panels.css")
-PARTS = ("Arm", "Tool", "Interlinks", "Cups", "Mold", "Ply", "Fibers", "Front")
+PARTS = ("Arm", "Tool", "Interlinks", "Cups", "Mold", "Ply", "Fibers", "Front", "Marks")
 VIEWS = (
     ("Iso", (0.60, -0.66, 0.46), 30, "tool", ()),
     ("Top", (0.0, -0.002, 1.0), 9, "drape", ("Arm", "Tool", "Interlinks")),

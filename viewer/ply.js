@@ -81,8 +81,7 @@ class Front {
     this.heights = new Int16Array(rows * columns);
     this.most = 4 * (rows + columns);
     this.mesh = cylinders(this.most, radius, 0xffffff, new T.MeshBasicMaterial({ color: 0xffffff }), 6);
-    this.from = new Float32Array(3 * this.most);
-    this.to = new Float32Array(3 * this.most);
+    this.ends = [new Float32Array(3), new Float32Array(3)];
     drape.viewer.set_object(["meshcat", "front"], this.mesh);
   }
 
@@ -91,13 +90,13 @@ class Front {
     for (let i = 0; i < levels.length; i++) heights[i] = levels[i] - laid[i];
     const found = crossings(heights, ...this.size, this.level);
     const count = Math.min(found.length, this.most);
+    const between = (out, a, b, share) => {
+      for (let c = 0; c < 3; c++) out[c] = points[3 * a + c] + share * (points[3 * b + c] - points[3 * a + c]);
+      return out;
+    };
     for (let i = 0; i < count; i++) {
       const [a, b, near, c, d, far] = found[i];
-      for (let axis = 0; axis < 3; axis++) {
-        this.from[3 * i + axis] = points[3 * a + axis] + near * (points[3 * b + axis] - points[3 * a + axis]);
-        this.to[3 * i + axis] = points[3 * c + axis] + far * (points[3 * d + axis] - points[3 * c + axis]);
-      }
-      stretch(this.mesh, i, this.from, this.to);
+      stretch(this.mesh, i, between(this.ends[0], a, b, near), between(this.ends[1], c, d, far));
     }
     this.mesh.count = count;
     this.mesh.instanceMatrix.needsUpdate = true;

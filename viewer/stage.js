@@ -30,19 +30,22 @@ function cylinders(count, radius, color, material = null, sides = 24) {
   return mesh;
 }
 
-/** Stretch cylinder i from one end to the other; both are offsets into flat arrays. */
+/** Stretch cylinder i from one point to another. */
 const stretch = (() => {
   const T = MeshCat.THREE, up = new T.Vector3(0, 1, 0), along = new T.Vector3();
   const middle = new T.Vector3(), scale = new T.Vector3(1, 1, 1);
   const turn = new T.Quaternion(), matrix = new T.Matrix4();
   return (mesh, i, from, to, thick = 1) => {
-    along.set(to[3 * i] - from[3 * i], to[3 * i + 1] - from[3 * i + 1], to[3 * i + 2] - from[3 * i + 2]);
-    middle.fromArray(from, 3 * i).addScaledVector(along, 0.5);
+    along.set(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
+    middle.fromArray(from).addScaledVector(along, 0.5);
     const length = Math.max(along.length(), 1e-9);
     turn.setFromUnitVectors(up, along.divideScalar(length));
     mesh.setMatrixAt(i, matrix.compose(middle, turn, scale.set(thick, length, thick)));
   };
 })();
+
+/** Point i of a flat array of coordinates. */
+const pointOf = (flat, i) => flat.subarray(3 * i, 3 * i + 3);
 
 /** Bodies that keep their shape: arm and platform, one matrix a pose. */
 class Bodies {

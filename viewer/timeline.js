@@ -67,35 +67,3 @@ class Timeline {
     byId("label").setAttribute("aria-live", on ? "off" : "polite");
   }
 }
-
-/** Contact area of each drape over the moments, with the phases behind it. */
-function drawChart({ drapes, timeline }, moment) {
-  const canvas = byId("chart"), ratio = devicePixelRatio, ink = canvas.getContext("2d");
-  const width = canvas.clientWidth, height = canvas.clientHeight, last = Math.max(1, timeline.last);
-  canvas.width = width * ratio;
-  canvas.height = height * ratio;
-  ink.scale(ratio, ratio);
-  ink.font = "10px system-ui, 'DejaVu Sans', sans-serif";
-  const x = (k) => 8 + ((width - 16) * Math.min(last, Math.max(0, k))) / last;
-  const y = (share) => height - 2 - (height - 18) * share;
-  const phases = runsOf(timeline.moments.map(({ phase }) => ({ phase })));
-  phases.forEach((run, i) => {
-    const from = x(run.first - 0.5), to = x(run.last + 0.5);
-    ink.fillStyle = i % 2 ? "#e9eef3" : "#f6f8fa";
-    ink.fillRect(from, 0, to - from, height);
-    ink.fillStyle = "#465261";
-    if (ink.measureText(run.phase).width < to - from - 6) ink.fillText(run.phase, from + 4, 10);
-  });
-  drapes.forEach(({ plan, index }) => {
-    ink.beginPath();
-    timeline.moments.forEach(({ poses }, k) => ink.lineTo(x(k), y(plan.contact[poses[index]])));
-    ink.strokeStyle = ["#0b5fa5", "#b94700"][index];
-    ink.lineWidth = 1.5;
-    ink.stroke();
-  });
-  ink.fillStyle = "#465261";
-  ink.textAlign = "right";
-  ink.fillText("contact area, 0 to 100 %", x(last) - 4, 10);
-  ink.fillStyle = "#1d2733";
-  ink.fillRect(x(moment) - 0.5, 0, 1, height);
-}
