@@ -232,6 +232,28 @@ def validate(
 
 
 @app.command()
+def identify(
+    measurements: Annotated[
+        Path, typer.Argument(metavar="MEASUREMENTS", help="Measurements file (YAML).")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Scene to write, a new file.")
+    ] = None,
+    scene: Annotated[
+        Path | None, typer.Option(help="Scene that its other keys come from.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw measured against fitted (PNG).")
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Fit take-up, bending stiffness and pose noise to what a shop measures."""
+    from drapeplan.commands_identify import identify_command
+
+    return identify_command(measurements, output, scene, figure, as_json)
+
+
+@app.command()
 def tool(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write to.")],
     name: Annotated[str, typer.Option(help="Name of the tool and its files.")] = "tool",

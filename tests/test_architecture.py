@@ -28,15 +28,19 @@ HOMES = {
         *("drapeplan.section", "drapeplan.families"),  # parts of the scene
         *("drapeplan.scene", "drapeplan.plan_file", "drapeplan.cups_file"),  # formats
         *("drapeplan.reading", "drapeplan.plan"),  # pydantic's findings in one line
+        "drapeplan.identify_file",  # measurements
     },
-    "yaml": {"drapeplan.reading", "urdf.sidecar", "urdf.generate"},
+    "yaml": {
+        *("drapeplan.reading", "urdf.sidecar", "urdf.generate"),
+        "drapeplan.identify_scene",  # scenes brought up to date
+    },
     "meshcat": {"viewer.page"},  # its script, by package metadata
     "umsgpack": {"viewer.objects"},  # meshcat's message format
     "typer": {"drapeplan.cli"},
     "rich": {"drapeplan.console"},
     "matplotlib": {
         *("drapeplan.report", "drapeplan.report_validate"),
-        "drapeplan.report_robustness",
+        *("drapeplan.report_robustness", "drapeplan.report_identify"),
     },
     "joblib": {"drapeplan.robustness"},
 }
