@@ -1,7 +1,10 @@
 """What the panels of the page need of a plan, beside what every page shows."""
 
+from typing import Any
+
 import numpy as np
 
+from drapeplan.robustness_words import NAMES
 from viewer import packing
 from viewer.plan_view import MARGIN_SHOWN, PlanView
 
@@ -21,7 +24,8 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
 
     Returns:
         material: s and t of the samples in [m], and the cups around each sample.
-        gaps: Exact gaps: folded uint16 (1, K, nt, ns), `lowest + step * value` in [m].
+        gaps: Exact gaps: folded uint16 (1, K, nt, ns), `lowest + step * value` in [m],
+            none beyond `highest`.
         margins: `premature` and `air` by pose, in [m], and `most`, where they end.
         steps, taus: Wave step, -1 for none, and progress of each pose.
         events: As plan_view.Event; samples is a blob of uint32.
@@ -40,6 +44,7 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "gaps": {
             "step": GAP_STEP,
             "lowest": GAP_LOWEST,
+            "highest": GAP_HIGHEST,
             "blob": payload.add_folded(_whole_steps(view.gap)[None]),
         },
         "margins": {
@@ -64,8 +69,19 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "rungs": {"names": view.rungs, "strips": payload.add(view.strip_rungs, "u1")},
         "statements": [told._asdict() for told in view.statements],
         "facts": view.facts,
-        "robustness": view.robustness,
+        "robustness": _labeled(view.robustness),
     }
+
+
+def _labeled(found: dict[str, Any] | None) -> dict[str, Any] | None:
+    """The block on uncertainty with a name for each parameter to read."""
+    if found is None:
+        return None
+    rows = [
+        {**row, "label": NAMES.get(row["parameter"], row["parameter"])}
+        for row in found["parameters"]
+    ]
+    return {**found, "parameters": rows}
 
 
 def _whole_steps(gap: Array) -> Array:

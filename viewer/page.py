@@ -22,18 +22,9 @@ Array = np.ndarray
 
 SCRIPTS = (
     *("dom.js", "unpack.js", "camera.js", "stage.js", "ply.js", "marks.js", "cups.js"),
-    *(
-        "drape.js",
-        "timeline.js",
-        "legend.js",
-        "hover.js",
-        "keys.js",
-        "address.js",
-        "app.js",
-    ),
-    *("svg.js", "probe.js", "events.js", "curves.js", "section.js", "robustness.js"),
-    "facts.js",  # panels
-    "start.js",
+    *("drape.js", "timeline.js", "legend.js", "hover.js", "keys.js", "address.js"),
+    *("app.js", "svg.js", "probe.js", "events.js", "curves.js", "section.js"),
+    *("robustness.js", "facts.js", "start.js"),
 )  # in reading order
 STYLES = ("page.css", "panels.css")
 PARTS = ("Arm", "Tool", "Interlinks", "Cups", "Mold", "Ply", "Fibers", "Front", "Marks")

@@ -1,0 +1,72 @@
+/* The probe: what the pointer is over, in words, and the exact gaps behind it. */
+
+/** Exact gaps and material coordinates of a drape; unfolded when first asked for. */
+class Material {
+  constructor(drape) {
+    const { material, gaps } = drape.plan.details, { poses, rows, columns } = drape.plan.ply;
+    Object.assign(this, { drape, gaps, rows, columns, poses, s: material.s, t: material.t });
+    this.around = material.around === null ? null : drape.view(Uint16Array, material.around);
+  }
+
+  /** Gap of a sample at a pose, in meters. */
+  gap(pose, index) {
+    this.steps ??= unfold(this.drape.view(Uint8Array, this.gaps.blob), Uint16Array, 1, this.poses, this.rows, this.columns);
+    return this.gaps.lowest + this.gaps.step * this.steps[pose * this.rows * this.columns + index];
+  }
+
+  /** Whether a gap is the largest that is kept: free by far, or beside the mold. */
+  far(gap) { return gap > this.gaps.highest - this.gaps.step; }
+
+  /** Index of the sample nearest to a place (s, t), in meters. */
+  nearest([s, t]) {
+    const near = (lines, value) => lines.reduce((best, x, i) => (Math.abs(x - value) < Math.abs(lines[best] - value) ? i : best), 0);
+    return near(this.t, t) * this.columns + near(this.s, s);
+  }
+
+  /** Cups that a sample depends on, each once: one on a pad, two on a strip, four in a patch. */
+  cups(index) {
+    return this.around === null ? [] : [...new Set(this.around.subarray(4 * index, 4 * index + 4))];
+  }
+
+  /** Ply model below a sample: the highest rung of the strips around it, or "". */
+  rung(pose, cups) {
+    const { names, strips } = this.drape.plan.details.rungs, { links } = this.drape.cups;
+    const indices = this.drape.view(Uint8Array, strips), count = links.length / 2;
+    let highest = 0;
+    for (let link = 0; link < count; link++)
+      if (cups.includes(links[2 * link]) && cups.includes(links[2 * link + 1]))
+        highest = Math.max(highest, indices[pose * count + link]);
+    return cups.length > 1 ? names[highest] ?? "" : "";
+  }
+
+  /** Events of a pose that take in a sample. */
+  events(pose, index) {
+    return this.drape.plan.details.events.filter((event) =>
+      event.pose === pose && this.drape.view(Uint32Array, event.samples).includes(index));
+  }
+}
+
+const EVENT_NAMES = {
+  premature_contact: "premature contact", air_pocket: "air pocket",
+  penetration: "pushed into the mold", pad_penetration: "pad pressed into the mold",
+};
+
+/** Lines of the probe: gap, place on the ply, cups and their states, model, what is wrong. */
+function probeLines({ book }, drape, sample) {
+  const { material, pose } = drape, { index, row, column } = sample;
+  const gap = material.gap(pose, index), cups = material.cups(index);
+  const lines = [material.far(gap) ? "far above the mold, or beside it" : `gap ${millimeters(gap, 2)}`];
+  lines.push(`s ${(1e3 * material.s[column]).toFixed(0)}, t ${(1e3 * material.t[row]).toFixed(0)} mm`);
+  const where = ["", "on cup", "between cups", "between cups", "between cups"][cups.length];
+  if (cups.length) lines.push(`${where} ${cups.map((cup) => `(${drape.cups.names[cup]})`).join(" ")}`);
+  const states = [...new Set(cups.map((cup) => book.states[drape.cups.state(pose, cup)].name.toLowerCase()))];
+  const rung = material.rung(pose, cups);
+  if (cups.length) lines.push([states.join(" and "), rung && `ply model ${rung}`].filter(Boolean).join("; "));
+  for (const { kind } of material.events(pose, index)) lines.push(`! ${EVENT_NAMES[kind]}`);
+  return lines;
+}
+
+extensions.push((app) => {
+  for (const drape of app.drapes) drape.material = new Material(drape);
+  app.probe = (drape, sample) => probeLines(app, drape, sample);
+});
