@@ -1,6 +1,6 @@
 # make demo      plans a real scene and writes its preview
 # make test      lint, types and tests
-# make bench     the benchmarks
+# make bench     the benchmarks and their charts, with other programs to compare with
 # make pictures  the README's pictures
 PYTHON ?= python3
 VENV := .venv
@@ -27,7 +27,9 @@ pictures: $(READY)
 	$(RUN)/drapeplan plan examples/panel.yaml -o build/plan.json --figure docs/first-touch.png
 
 bench: $(READY)
+	-$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[peers]'
 	$(RUN)/python -m benchmarks all
+	$(RUN)/python -m benchmarks charts --full
 
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "drapeplan needs Python 3.11 or newer: make PYTHON=python3.12 ...")'

@@ -1,4 +1,7 @@
-"""Runs benchmarks by name; each module here has `run(quick) -> dict`."""
+"""Runs benchmarks by name; each module here has `run(quick) -> dict`.
+
+`charts` is a package with a command line of its own: `python -m benchmarks charts -h`.
+"""
 
 import argparse
 import importlib
@@ -9,18 +12,22 @@ import sys
 from pathlib import Path
 
 ALL = "all"
+CHARTS = "charts"
 
 
 def names() -> list[str]:
     """Names of the benchmarks, in alphabetical order."""
     modules = pkgutil.iter_modules([str(Path(__file__).parent)])
-    return sorted(module.name for module in modules if not module.name.startswith("_"))
+    return sorted(m.name for m in modules if not (m.ispkg or m.name.startswith("_")))
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one benchmark or all of them; returns the exit code."""
+    """Run one benchmark, all of them, or the charts; returns the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == [CHARTS]:
+        return importlib.import_module("benchmarks.charts").main(arguments[1:])
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
-    parser.add_argument("name", choices=[*names(), ALL])
+    parser.add_argument("name", choices=[*names(), ALL, CHARTS])
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     options = parser.parse_args(arguments)

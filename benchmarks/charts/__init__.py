@@ -1,0 +1,49 @@
+"""Charts of speed against accuracy: measured, written as tables, drawn.
+
+Each chart is a module here with two functions: `measure(quick) -> Results`, and
+`draw(results) -> Figure`, which needs nothing but the table. So a chart can be drawn
+anew from what was measured elsewhere.
+"""
+
+import argparse
+import importlib
+import sys
+from pathlib import Path
+
+from benchmarks.charts import drawing
+from benchmarks.charts.results import read
+
+CHARTS = ("qp",)  # modules of this package, in the order of docs/charts.md
+ROOT = Path(__file__).parents[2]
+RELEASED = ROOT / "benchmarks" / "results"  # what the documentation shows
+TRIED = ROOT / "build" / "charts"  # where quick figures go: they replace nothing
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and draw charts; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks charts")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(CHARTS))
+    effort = parser.add_mutually_exclusive_group()
+    effort.add_argument("--quick", action="store_true", help="few cases and repeats")
+    effort.add_argument("--full", action="store_true", help="all of them: the default")
+    effort.add_argument("--redraw", action="store_true", help="from the last figures")
+    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER")
+    options = parser.parse_args(arguments)
+    if unknown := set(options.names) - set(CHARTS):
+        parser.error(f"no chart is called {', '.join(unknown)}: {', '.join(CHARTS)}")
+    folder = options.output or (TRIED if options.quick else RELEASED)
+    for name in options.names or CHARTS:
+        print(f"chart {name}", file=sys.stderr)
+        files = make(name, folder, options.quick, options.redraw)
+        print(*files, sep="\n")
+    return 0
+
+
+def make(name: str, folder: Path, quick: bool, redraw: bool = False) -> list[Path]:
+    """Measure a chart, or read what was measured, write its table and draw it."""
+    chart = importlib.import_module(f"benchmarks.charts.{name}")
+    stem = folder / f"chart-{name}"
+    files = []
+    if not redraw:
+        files = chart.measure(quick).write(stem)
+    return files + drawing.save(chart.draw, read(stem), stem)

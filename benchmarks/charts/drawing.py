@@ -1,0 +1,149 @@
+"""How charts look: one marker a method, readable in print and for the color-blind."""
+
+import io
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
+
+from benchmarks.charts.results import Results
+from drapeplan.files import write_bytes
+
+COLORS = (  # Okabe and Ito, told apart by the color-blind; yellow is too pale
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
+GRAY = "#767676"  # notes and fronts: 4.5 : 1 on white
+STYLE = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "legend.fontsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "lines.markersize": 6,
+    "svg.hashsalt": "drapeplan",  # the same ids, so the same bytes
+    "svg.fonttype": "none",  # text stays text
+}
+WIDTH = 7.2  # [in] of a figure: two columns of a journal
+DPI = 150  # [1/in] of the PNG
+LINE = 118  # [-] characters of a note's line
+
+
+def save(draw: Callable[[Results], Figure], results: Results, stem: Path) -> list[Path]:
+    """Draw results with their provenance below, as PNG and SVG; returns the files."""
+    with matplotlib.rc_context(STYLE):
+        figure = draw(results)
+        figure.supxlabel(
+            provenance(results), fontsize=6.5, color=GRAY, x=0.01, ha="left"
+        )
+        files = []
+        for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+            content = io.BytesIO()
+            figure.savefig(content, format=kind, dpi=DPI, metadata=metadata)
+            files.append(stem.with_suffix(f".{kind}"))
+            write_bytes(files[-1], content.getvalue())
+    return files
+
+
+def provenance(results: Results) -> str:
+    """What a figure was measured with, and what is missing in it."""
+    made = results.made
+    lines = [
+        f"{made['processor']}, Python {made['python']}, {made['versions']}; "
+        f"{made['date']}" + (", quick run" if made["quick"] else "")
+    ]
+    lines += [f"Missing: {name}: {why}" for name, why in results.missing.items()]
+    return "\n".join(textwrap.fill(line, LINE) for line in lines)
+
+
+def look(index: int) -> dict[str, str]:
+    """Color and marker of a method; both differ from those of its neighbors."""
+    return {
+        "color": COLORS[index % len(COLORS)],
+        "marker": MARKERS[index % len(MARKERS)],
+    }
+
+
+def log_log(axes: Axes, title: str, x: str, y: str) -> None:
+    """Title and labels of a panel with logarithmic axes."""
+    axes.set(title=title, xlabel=x, ylabel=y, xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(_Plain())
+        axis.set_minor_formatter(_Plain(labelOnlyBase=False))
+
+
+class _Plain(LogFormatter):
+    """Plain numbers near one, powers of ten elsewhere; few of those between."""
+
+    def _num_to_string(self, x: float, vmin: float, vmax: float) -> str:
+        return f"{x:g}" if 1e-3 < x < 1e4 else f"$10^{{{round(np.log10(x))}}}$"
+
+
+def legend(figure: Figure, axes: Axes, columns: int = 5) -> None:
+    """One legend above all panels, of the methods of one."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=columns, frameon=False
+    )
+
+
+def scatter(
+    axes: Axes,
+    x: Sequence[float],
+    y: Sequence[float],
+    label: str,
+    method: int,
+    *,
+    joined: bool = False,
+    hollow: bool = False,
+    notes: Sequence[str] = (),
+) -> None:
+    """Points of one method, joined if they are settings of one knob.
+
+    Args:
+        axes: The panel.
+        x: Where along.
+        y: Where up.
+        label: Name in the legend.
+        method: Which look.
+        joined: Whether a line joins the points in their order.
+        hollow: Whether markers are not filled: what is published or recorded elsewhere.
+        notes: A few words beside each point.
+    """
+    face = {"markerfacecolor": "white"} if hollow else {}
+    line = "-" if joined else ""
+    axes.plot(x, y, label=label, linestyle=line, linewidth=0.9, **look(method), **face)
+    for a, b, note in zip(x, y, notes, strict=False):
+        axes.annotate(
+            note, (a, b), (5, 3), textcoords="offset points", fontsize=6.5, color=GRAY
+        )
+
+
+def pareto(x: Sequence[float], y: Sequence[float]) -> list[int]:
+    """Indices of points that no other beats in both, from left to right."""
+    order = sorted(range(len(x)), key=lambda k: (x[k], y[k]))
+    front: list[int] = []
+    for k in order:
+        if not front or y[k] < y[front[-1]]:
+            front.append(k)
+    return front
+
+
+def front(axes: Axes, x: Sequence[float], y: Sequence[float]) -> None:
+    """Draw the Pareto front of points, as steps behind them."""
+    best = pareto(x, y)
+    a, b = np.array(x, float)[best], np.array(y, float)[best]
+    axes.step(
+        a, b, where="post", color=GRAY, linewidth=3.5, alpha=0.3, label="Pareto front"
+    )
