@@ -116,6 +116,10 @@ def synthetic_view(
         "gap": scale * gap,
         "labels": [f"step {k // 4 + 1}, pose {k + 1}" for k in range(poses)],
         "phases": ["approach" if k < 3 else "wave" for k in range(poses)],
+        "wave_step": np.array([-1 if k < 3 else k // 4 + 1 for k in range(poses)]),
+        "tau": np.array(
+            [(k + 1) / 3 if k < 3 else k % 4 / 4 + 0.25 for k in range(poses)]
+        ),
         "cup_positions": scale * cups + shift,
         "cup_rotations": np.broadcast_to(frames, (*cups.shape, 3)),
         "cup_states": states,

@@ -355,7 +355,7 @@ def test_page_shows_the_plan(preview, view):
     assert preview.run("drape.cups.bodies.count") == ROWS * COLUMNS
     assert preview.run("drape.cups.legs.count") == ROWS * COLUMNS
     tree = preview.run("Object.keys(viewer.scene_tree.children.meshcat.children)")
-    assert sorted(tree) == sorted(SCENE)
+    assert set(SCENE) <= set(tree)
     answer = [preview.page.text_content(".answer")]
     others = preview.page.locator(".verdict li").all_text_contents()
     assert answer + others == view.verdict

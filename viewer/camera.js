@@ -51,7 +51,7 @@ function freeInsets(pane, head) {
   if (side) free.right += room.right - side.left;
   if (foot) free.bottom += room.bottom - foot.top;
   if (title && room.width >= 1000) free.left += title.right - room.left;
-  else if (title && title.height < 0.25 * room.height) free.top += title.bottom - room.top;
+  else if (title && room.width < 700) free.top += Math.min(0.25 * room.height, title.bottom - room.top);
   return free;
 }
 

@@ -28,12 +28,11 @@ class Moment(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """Poses of one phase and wave step: the how-manieth such run, and which."""
+    """A phase and wave step, and the poses there of each drape that has it."""
 
     phase: str
     step: int
-    count: int
-    poses: Array
+    poses: dict[int, Array]
 
 
 def moments(views: Sequence[PlanView]) -> list[Moment]:
@@ -47,44 +46,38 @@ def moments(views: Sequence[PlanView]) -> list[Moment]:
     Args:
         views: The drapes, at least one.
     """
-    runs = [_runs(view) for view in views]
     shown = [0] * len(views)
     line = []
-    for key in _merged([[run[:3] for run in own] for own in runs]):
-        found = [next((r for r in own if r[:3] == key), None) for own in runs]
-        taus = [
-            None if run is None else view.tau[run.poses]
-            for view, run in zip(views, found, strict=True)
-        ]
-        lead = max((t for t in taus if t is not None), key=len)
-        for k, tau in enumerate(lead):
-            for i, (run, own) in enumerate(zip(found, taus, strict=True)):
-                if run is not None:
-                    near = k if own is lead else int(np.argmin(abs(own - tau)))
-                    shown[i] = int(run.poses[near])
-            line.append(Moment(key[0], key[1], float(tau), tuple(shown)))
+    for phase, step, poses in _merged(views):
+        taus = {i: views[i].tau[own] for i, own in poses.items()}
+        lead = max(taus, key=lambda i: (len(taus[i]), -i))
+        for k, tau in enumerate(taus[lead].tolist()):
+            for i, own in poses.items():
+                near = k if i == lead else np.argmin(abs(taus[i] - tau))
+                shown[i] = int(own[near])
+            line.append(Moment(phase, step, tau, tuple(shown)))
     return line
 
 
-def _runs(view: PlanView) -> list[_Run]:
-    """Runs of poses of the same phase and step, in their order."""
-    runs: list[_Run] = []
-    keys = list(zip(view.phases, view.wave_step.tolist(), strict=True))
-    for (phase, step), poses in groupby(range(view.poses), key=keys.__getitem__):
-        count = sum(run[:2] == (phase, step) for run in runs)
-        runs.append(_Run(phase, step, count, np.array(list(poses))))
-    return runs
-
-
-def _merged(orders: list[list[tuple[str, int, int]]]) -> list[tuple[str, int, int]]:
-    """All keys, each order kept: what one lacks is put behind its neighbor."""
-    line = orders[0].copy()
-    for order in orders[1:]:
+def _merged(views: Sequence[PlanView]) -> list[_Run]:
+    """Runs of all drapes, each order kept: what one lacks comes by its step."""
+    line: list[_Run] = []
+    for i, view in enumerate(views):
+        keys = list(zip(view.phases, view.wave_step.tolist(), strict=True))
         at = 0
-        for key in order:
-            if key in line[at:]:
-                at = line.index(key, at) + 1
-            else:
-                line.insert(at, key)
-                at += 1
+        for key, poses in groupby(range(view.poses), key=keys.__getitem__):
+            same = (k for k in range(at, len(line)) if line[k][:2] == key)
+            place = next(same, None)
+            if place is None:
+                place = at
+                while place < len(line) and _before(line[place], *key):
+                    place += 1
+                line.insert(place, _Run(*key, {}))
+            line[place].poses[i] = np.array(list(poses))
+            at = place + 1
     return line
+
+
+def _before(run: _Run, phase: str, step: int) -> bool:
+    """Whether a run belongs before a step of a phase."""
+    return run.phase == phase and run.step < step
