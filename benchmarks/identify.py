@@ -4,7 +4,9 @@ Simulated measurements: strips over an edge, and scans of a ply held flat and ar
 cylinder by cups with rigid interlinks, with the errors of poses, scanner and ruler.
 """
 
+import time
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from drapeplan.cantilever import EARTH, hanging_strips, load_of_drop
 from drapeplan.cups_file import Cups
+from drapeplan.identify import Identified, identify
 from drapeplan.identify_file import Cantilever, Links, Measurements, Overhangs
 from drapeplan.noise import YAW
 from drapeplan.scan import Scan
@@ -149,3 +152,52 @@ def simulate(
         ),
         Links(PITCH, 0.0, 0.05e-3) if links else None,
     )
+
+
+def trials(count: int, truth: Truth | None = None, **settings: Any) -> dict[str, Any]:
+    """Errors, widths and coverage of intervals of 95 % over simulated measurements.
+
+    Args:
+        count: How many.
+        truth: What they are made of.
+        settings: Of `simulate`.
+    """
+    truth = truth or Truth()
+    start = time.process_time()
+    found = [identify(simulate(seed, truth, **settings)) for seed in range(count)]
+    seconds = (time.process_time() - start) / count
+    return {
+        "trials": count,
+        "seconds a trial, simulation included": seconds,
+        "take-up, mm": _score(found, "take_up", truth.take_up, 1e3),
+        "stiffness, N m": _score(found, "stiffness", truth.stiffness, 1.0),
+        "position, mm": _score(found, "position", truth.position, 1e3),
+        "tilt, deg": _score(found, "angle", truth.angle, np.degrees(1.0)),
+    }
+
+
+def _score(
+    found: list[Identified], name: str, truth: float, scale: float
+) -> dict[str, float]:
+    """How estimates of one quantity did."""
+    values = [getattr(one, name) for one in found]
+    seen = [v["both"] if isinstance(v, dict) else v for v in values if v is not None]
+    errors = np.array([one.value - truth for one in seen])
+    return {
+        "truth": scale * truth,
+        "seen": len(seen),
+        "covered": sum(one.low <= truth <= one.high for one in seen),
+        "rms error": scale * float(np.sqrt(np.mean(errors**2))),
+        "largest error": scale * float(abs(errors).max()),
+        "half width": scale * float(np.mean([one.high - one.low for one in seen])) / 2,
+    }
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Coverage on a large tool, with and without known interlinks, and a small one."""
+    count = 10 if quick else 100
+    return {
+        "6 x 8 cups, cylinder, interlinks known": trials(count),
+        "6 x 8 cups, drawn in flat, no interlinks": trials(count, links=False),
+        "5 x 3 cups, cylinder, interlinks known": trials(count, rows=3, columns=5),
+    }

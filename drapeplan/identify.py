@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from drapeplan.cantilever import bending_stiffness
@@ -18,10 +19,12 @@ from drapeplan.cups_file import Cups
 from drapeplan.identify_cups import SeenCups, see_cups
 from drapeplan.identify_file import Cantilever, Links, Measurements
 from drapeplan.identify_strips import Strips, see_strips
-from drapeplan.likelihood import LEVEL, Estimate, Numbers, fit, numbers, without
+from drapeplan.likelihood import LEVEL, Estimate, Fit, Numbers, fit, numbers, without
 from ply.reconcile import LENGTH_SIGMA
 
 Array = NDArray[np.float64]
+
+MODEL_SIGMA = 20e-6  # [m] of the take-up: what patches do to their strips (D24)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,7 @@ def identify(measured: Measurements) -> Identified:
         looks.append(Look(seen, see_strips(seen)))
     poses = fit([n for one in looks for n in _positions(one, measured.links)])
     angles = fit([_angles(one.cups) for one in looks])
-    take_up = poses.mean if poses.mean and poses.mean.low > 0 else None
+    take_up = _take_up(poses)
     strips: dict[str, Array] = {}
     stiffness: dict[str, Estimate] = {}
     spread = 0.0
@@ -84,7 +87,9 @@ def identify(measured: Measurements) -> Identified:
         stiffness, spread = _mean_stiffness(strips, measured.cantilever)
     return Identified(
         take_up,
-        poses.mean_sigma / take_up.value if take_up else 0.0,
+        float(np.hypot(poses.mean_sigma, MODEL_SIGMA)) / take_up.value
+        if take_up
+        else 0.0,
         stiffness,
         spread,
         measured.cantilever.areal_mass if measured.cantilever else None,
@@ -93,6 +98,17 @@ def identify(measured: Measurements) -> Identified:
         tuple(looks),
         strips,
     )
+
+
+def _take_up(poses: Fit) -> Estimate | None:
+    """Take-up with the model's share in its interval, if that leaves out zero."""
+    if poses.mean is None:
+        return None
+    value, low, high = poses.mean
+    reach = norm.ppf((1 + LEVEL) / 2) * MODEL_SIGMA
+    low = value - float(np.hypot(value - low, reach))
+    high = value + float(np.hypot(high - value, reach))
+    return Estimate(value, low, high) if low > 0 else None
 
 
 def _positions(look: Look, links: Links | None) -> list[Numbers]:

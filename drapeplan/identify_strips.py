@@ -26,7 +26,7 @@ FEWEST = 15  # points of a strip, five for each mode
 ROUNDS = 4  # of Gauss and Newton: feet of the points, then amplitudes
 CLEAR = 0.05e-3  # [m] of length that a fiber must be off to count as out of the band
 ACROSS = 3  # [-] fibers of a strip
-PULLED = 0.2  # [-] of what a cubic has beyond its chord: the stiffness keeps 0.14 (D24)
+PULLED = 0.2  # [-] of what a cubic has beyond its chord: three modes keep 0.14 (D24)
 DIFFERENCE = 1e-6  # [m] of amplitudes, for rates of lengths
 
 

@@ -12,6 +12,7 @@ from drapeplan.likelihood import Estimate
 from ply.gravity import clamped_sag
 
 MM, DEG = 1e3, float(np.degrees(1.0))  # from meters, from radians
+FLAT = float(np.cos(np.radians(4)))  # [-] between normals of strips held flat
 DIGITS = 4  # [-] of a number in a scene
 MORE = "scan a shape that asks its fibers for more, 0.2 mm at a time"
 
@@ -133,7 +134,10 @@ def _left_out(name: str, look: Look) -> list[str]:
 
 
 def _sag(found: Identified) -> list[str]:
-    """Sag of strips in the band against that of the stiffness: a check, no estimate."""
+    """Sag of strips held flat against that of the stiffness: a check, no estimate.
+
+    Curved neighbors lift strips by more than their weight bends them.
+    """
     if not found.stiffness or found.areal_mass is None:
         return []
     D, weight = found.stiffness["both"].value, EARTH * found.areal_mass
@@ -141,17 +145,22 @@ def _sag(found: Identified) -> list[str]:
     for look in found.looks:
         strips, cups = look.strips, look.cups.cups
         free = (strips.out == 0) & ~strips.pulled
-        n = cups.rotations[strips.pairs[free], :, 2].mean(axis=1) @ cups.up
+        normals = cups.rotations[strips.pairs[free], :, 2].mean(axis=1)
+        if (normals @ normals.T).min(initial=1.0) < FLAT:
+            continue
+        n = normals @ cups.up
         rises.append(strips.rise[free])
         expected.append(-clamped_sag(weight * n, strips.rest[free], D))
+    if sum(map(len, rises)) < 2:
+        return []
     rise, load = np.concatenate(rises), np.concatenate(expected)
-    if len(rise) < 2 or not load.any():
+    if not load.any():
         return []
     share = (rise @ load) / (load @ load)
     left = rise - share * load
     sigma = np.sqrt((left @ left) / (len(rise) - 1) / (load @ load))
     middle = MM * abs(load).max()
     return [
-        f"sag of {len(rise)} strips in the band: {share * middle:.3f} +- "
+        f"sag of {len(rise)} strips held flat: {share * middle:.3f} +- "
         f"{2 * sigma * middle:.3f} mm seen, {middle:.3f} mm by that stiffness"
     ]
