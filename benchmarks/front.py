@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,13 @@ from drapeplan.front import (
 from drapeplan.hanging import tool_physics
 from drapeplan.held_ply import held_fibers, held_points
 from drapeplan.legs import STROKE, cup_poses, leg_coordinates
+from drapeplan.noise import Spread, draw
 from drapeplan.path import CupState
-from drapeplan.planner import make_request
+from drapeplan.planner import make_plan, make_request
 from drapeplan.ply_choice import choose_ply
 from drapeplan.refine import Stops, judge_between
+from drapeplan.robustness import make_course
+from drapeplan.rolling import roll
 from drapeplan.rollout import StepWindow
 from drapeplan.scene import scene_from
 from drapeplan.sequence import Sequence, make_sequence
@@ -41,9 +44,20 @@ START = 21  # cup (3, 3)
 TOLERANCE = Tolerance()
 POSES = 60
 SURFACE = {"kind": "paraboloid", "radius_x_m": 1.2, "radius_y_m": 2.5}
+SCENE = {"format": "drapeplan-scene/1", "mold": {"surface": SURFACE}}
 WINDOW = range(2, 6), range(1, 5)  # 4 x 4 cups in the middle
 TRIES, STEP_POSES = 128, 8
 NOISE = 0.3e-3  # [m] of the cups in a try
+
+
+class Case(NamedTuple):
+    """What `judge_contact` asks: poses from the pick to the last landing."""
+
+    cell: Cell
+    sequence: Sequence
+    poses: tuple[np.ndarray, np.ndarray]  # in the mold frame
+    placed: np.ndarray
+    landing: np.ndarray
 
 
 def run(quick: bool) -> dict:
@@ -53,9 +67,10 @@ def run(quick: bool) -> dict:
     first_calls = time.perf_counter()
     judge_contact(*case)
     result: dict[str, Any] = {"first_call_s": time.perf_counter() - first_calls}
-    result |= whole_plan(*case, max(3, repeats // 20))
-    result |= rollouts(*case, max(3, repeats // 10))
-    result |= settled_rollouts(*case, max(2, repeats // 20))
+    result |= whole_plan(case, max(3, repeats // 20))
+    result |= rollouts(case, max(3, repeats // 10))
+    result |= settled_rollouts(case, max(2, repeats // 20))
+    result |= doubts(max(5, repeats // 10))
     return result | one_pose(repeats)
 
 
@@ -70,35 +85,24 @@ def thread_time(task: Callable[[], object], repeats: int) -> float:
     return float(np.median(times))
 
 
-def planned() -> tuple[Cell, Sequence, tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
-    """The requested path of the default tool on a paraboloid, as `judge_contact` asks.
-
-    Cup poses in the mold frame from the pick to the last landing, placed and landing.
-    """
-    data = {"format": "drapeplan-scene/1", "mold": {"surface": SURFACE}}
-    scene = scene_from(data, "benchmark")
+def planned() -> Case:
+    """The requested path of the default tool on a paraboloid."""
+    scene = scene_from(SCENE, "benchmark")
     cell = build_cell(scene, read_sources(scene, Path(".")))
     sequence = make_sequence(scene.sequence, CUPS.rows, CUPS.columns, "benchmark")
     path = make_request(cell, sequence).path
     held = slice(0, len(path.phase) - path.phase[::-1].index("wave"))
     poses = moved(inverse(cell.world_mold), path.positions[held], path.rotations[held])
     states = path.states[held]
-    return cell, sequence, poses, states == CupState.PLACED, states == CupState.LANDING
+    placed, landing = states == CupState.PLACED, states == CupState.LANDING
+    return Case(cell, sequence, poses, placed, landing)
 
 
-def whole_plan(
-    cell: Cell,
-    sequence: Sequence,
-    poses: tuple[np.ndarray, ...],
-    placed: np.ndarray,
-    landing: np.ndarray,
-    repeats: int,
-) -> dict[str, float]:
+def whole_plan(case: Case, repeats: int) -> dict[str, float]:
     """Thread seconds of a whole plan's contact, margins and all, and its stages."""
-    total = thread_time(
-        lambda: judge_contact(cell, sequence, poses, placed, landing), repeats
-    )
-    contact = judge_contact(cell, sequence, poses, placed, landing)
+    cell, sequence, poses, placed, landing = case
+    total = thread_time(lambda: judge_contact(*case), repeats)
+    contact = judge_contact(*case)
     points, model = contact.points, contact.choice.model
     start = sequence.index(sequence.start_cup)
     grid = front_grid(cell, start, contact.beside)
@@ -132,15 +136,9 @@ def whole_plan(
     return result | {f"plan_share_{name}": t / total for name, t in times.items()}
 
 
-def rollouts(
-    cell: Cell,
-    sequence: Sequence,
-    poses: tuple[np.ndarray, ...],
-    placed: np.ndarray,
-    landing: np.ndarray,
-    repeats: int,
-) -> dict[str, float]:
+def rollouts(case: Case, repeats: int) -> dict[str, float]:
     """Rollouts of one wave step a second and thread, from cup poses to labels."""
+    cell, sequence, poses, placed, landing = case
     laid = poses[0][-1], poses[1][-1]
     start = sequence.index(sequence.start_cup)
     step = StepWindow.of(cell, start, laid, *WINDOW)
@@ -159,15 +157,9 @@ def rollouts(
     }
 
 
-def settled_rollouts(
-    cell: Cell,
-    sequence: Sequence,
-    poses: tuple[np.ndarray, ...],
-    placed: np.ndarray,
-    landing: np.ndarray,
-    repeats: int,
-) -> dict[str, float]:
+def settled_rollouts(case: Case, repeats: int) -> dict[str, float]:
     """The same from strokes that are off: the tool settles at each pose first."""
+    cell, sequence, poses, placed, landing = case
     robot, path = cell.robot, make_request(cell, sequence).path
     chosen = np.flatnonzero(placed.any(axis=1))[STEP_POSES : 2 * STEP_POSES]
     frame = path.tool[chosen[0]]
@@ -204,6 +196,23 @@ def settled_rollouts(
     return {
         "settled_rollouts_per_s": 1 / total,
         "settled_rollout_share_labels": thread_time(lambda: labels(rests), 10) / total,
+    }
+
+
+def doubts(repeats: int) -> dict[str, float]:
+    """Thread milliseconds of a sample of a plan under uncertainty."""
+    read = scene_from({**SCENE, "fidelity": "kinematic"}, "benchmark")
+    spread = Spread.of(read.uncertainty)
+    course = make_course(make_plan(read, Path(), "benchmark").plan, spread)
+    poses, cups = course.rests.fixed.shape
+    numbers = iter(range(repeats + 1))
+
+    def one() -> object:
+        return roll(course, draw(0, next(numbers), cups, poses), spread)
+
+    return {
+        "robustness_poses": float(poses),
+        "robustness_sample_ms": 1e3 * thread_time(one, repeats),
     }
 
 

@@ -107,15 +107,66 @@ def air_margins(
     return np.where(hollow, escape - touch, np.inf)
 
 
+def least_margins(
+    h: Floats, start: Bools, vents: Bools, touch: float, barrier: float
+) -> Floats:
+    """Least of `premature_margins` and of `air_margins` of each pose, without fields.
+
+    Args:
+        h: Heights above the laid state, shape (K, nt, ns), in [m].
+        start: Samples on the start cup's pad, shape (nt, ns).
+        vents: Where air leaves, shape (nt, ns).
+        touch: Height up to which a sample touches, in [m].
+        barrier: Height by which a hump or a hollow counts, in [m].
+
+    Returns:
+        Premature and air margins, shape (2, K), in [m]; infinite for none.
+    """
+    return np.asarray(_least(np.ascontiguousarray(h), start, vents, touch, barrier))
+
+
 @numba.njit(cache=True, nogil=True)
 def _settle(h: Any, level: Any, eight_connected: bool) -> None:  # pragma: no cover
     """Lower the levels until none can be lowered; they carry an infinite rim."""
     for k in range(h.shape[0]):
-        back_h, back_level = h[k, ::-1, ::-1], level[k, ::-1, ::-1]
-        _sweep(h[k], level[k], eight_connected)
-        while _sweep(back_h, back_level, eight_connected):
-            if not _sweep(h[k], level[k], eight_connected):
-                break
+        _settle_one(h[k], level[k], eight_connected)
+
+
+@numba.njit(cache=True, nogil=True)
+def _settle_one(h: Any, level: Any, eight_connected: bool) -> None:  # pragma: no cover
+    """The same of one pose."""
+    back_h, back_level = h[::-1, ::-1], level[::-1, ::-1]
+    _sweep(h, level, eight_connected)
+    while _sweep(back_h, back_level, eight_connected):
+        if not _sweep(h, level, eight_connected):
+            break
+
+
+@numba.njit(cache=True, nogil=True)
+def _least(
+    h: Any, start: Any, vents: Any, touch: float, barrier: float
+) -> Any:  # pragma: no cover
+    """Least margins, one pose after the other on the same scratch arrays."""
+    poses, rows, columns = h.shape
+    least = np.full((2, poses), np.inf)
+    field, level = np.empty((rows, columns)), np.empty((rows + 2, columns + 2))
+    for k in range(poses):
+        for kind in range(2):
+            sign, seed = (1.0, start) if kind == 0 else (-1.0, vents)
+            level[:] = np.inf
+            for i in range(rows):
+                for j in range(columns):
+                    field[i, j] = sign * h[k, i, j]
+                    if seed[i, j]:
+                        level[i + 1, j + 1] = field[i, j]
+            _settle_one(field, level, kind == 0)
+            for i in range(rows):
+                for j in range(columns):
+                    one, found = h[k, i, j], sign * level[i + 1, j + 1]
+                    high, low = (found, one) if kind == 0 else (one, found)
+                    if high > max(low, touch) + barrier:
+                        least[kind, k] = min(least[kind, k], low - touch)
+    return least
 
 
 @numba.njit(cache=True, nogil=True)

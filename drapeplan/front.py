@@ -17,7 +17,14 @@ import numpy as np
 from scipy import ndimage
 
 from drapeplan.errors import InputError
-from drapeplan.flood import Bools, Floats, air_margins, edge_mask, premature_margins
+from drapeplan.flood import (
+    Bools,
+    Floats,
+    air_margins,
+    edge_mask,
+    least_margins,
+    premature_margins,
+)
 from drapeplan.front_grid import TIE, FrontGrid, Ints
 from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict, Spot, Tolerance
 
@@ -196,22 +203,18 @@ def pose_measures(
     """
     laid, pads = grid.laid(placed), grid.on_pads(landing)
     h = heights(gap, final_gap, laid)
-    rows = [
-        _measures(*pose, grid, tolerance) for pose in zip(h, laid, pads, strict=True)
-    ]
-    return np.array(rows).reshape(-1, 5).T
-
-
-def _measures(
-    h: Floats, laid: Bools, pads: Bools, grid: FrontGrid, tolerance: Tolerance
-) -> tuple[float, ...]:
-    """Both margins, both depths and the contact area of one pose."""
     touch, barrier = tolerance.touch, tolerance.barrier
-    spans = ~laid & ~pads
+    margins = least_margins(h, grid.start_pad, grid.vents, touch, barrier)
+    rows = [_sizes(*pose, grid, touch) for pose in zip(h, laid, pads, strict=True)]
+    return np.concatenate([margins, np.array(rows).reshape(-1, 3).T])
+
+
+def _sizes(
+    h: Floats, laid: Bools, pads: Bools, grid: FrontGrid, touch: float
+) -> tuple[float, ...]:
+    """Both depths and the contact area of one pose."""
     return (
-        premature_margins(h, grid.start_pad, touch, barrier).min(),
-        air_margins(h, touch, barrier, grid.vents).min(),
-        max(0.0, -h.min(where=spans, initial=0.0)),
+        max(0.0, -h.min(where=~laid & ~pads, initial=0.0)),
         max(0.0, -h.min(where=~laid & pads, initial=0.0)),
         grid.areas[h <= touch].sum() / grid.areas.sum(),
     )

@@ -234,11 +234,32 @@ def registered(points: Array, sample: Draw, spread: Spread) -> Array:
     Returns:
         Points in the frame of the mold as it stands, shape (..., 3), in [m].
     """
-    sizes = spread.mold_xy, spread.mold_xy, spread.mold_z, spread.mold_yaw
-    x, y, z, angle = sample.registration * sizes
-    if not (x or y or z or angle):
+    if not spread.has("registration"):
         return points
+    shift, turn = _registration(sample, spread)
+    return np.asarray((points - shift) @ turn)  # rows times R: the inverse turn
+
+
+def as_registered(
+    poses: tuple[Array, Array], sample: Draw, spread: Spread
+) -> tuple[Array, Array]:
+    """Cup poses as seen from the mold where it really stands; a ply goes along.
+
+    Args:
+        poses: In the frame of the mold as planned, (..., 3) in [m] and (..., 3, 3).
+        sample: The sample.
+        spread: Size of the errors.
+    """
+    if not spread.has("registration"):
+        return poses
+    turn = _registration(sample, spread)[1]
+    return registered(poses[0], sample, spread), np.asarray(turn.T @ poses[1])
+
+
+def _registration(sample: Draw, spread: Spread) -> tuple[Array, Array]:
+    """Where the mold stands, shape (3,), in [m], and its turn, shape (3, 3)."""
+    sizes = spread.mold_xy, spread.mold_xy, spread.mold_z, spread.mold_yaw
+    *shift, angle = sample.registration * sizes
     cos, sin = np.cos(angle), np.sin(angle)
-    moved = points - (x, y, z)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(moved @ turn)  # rows times R: the inverse turn
+    return np.array(shift), turn

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from drapeplan.files import write_bytes
-from drapeplan.robustness import CAP, Robustness
+from drapeplan.robustness import Robustness
 from drapeplan.robustness_words import NAMES
+from drapeplan.rolling import CAP
 
 BLUE, RED, GRAY = "#4477aa", "#d62728", "#777777"
 BAR = 0.5  # [-] of a row's height

@@ -25,16 +25,17 @@ from drapeplan.noise import PARAMETERS, LinkKeeper, Spread, draw
 from drapeplan.plan import Plan
 from drapeplan.plan_file import MOST_SAMPLES
 from drapeplan.resettle import NODES, Rests, StiffnessTable
-from drapeplan.rolling import Course, Rollout, roll
+from drapeplan.rolling import CAP, Course, Rollout, roll, top_height
 from drapeplan.scene import UncertaintySection
+from ply.sampling import PlySampling
 
 Array = NDArray[np.float64]
 Depth = Literal["poses", "tool"]
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
-NEAR = 0.02  # [m] ply that is higher is out of reach of any error of a scene's
-CAP = 3e-3  # [m] margins beyond are all the same: nothing threatens
+NEAR = 0.02  # [m] ply that is higher is out of reach of errors of common size
+SPREADS = 6  # [-] as far off as errors of any size are thought to come
 ALONE = 32  # [-] most samples for what one parameter does alone
 SHARE = 4  # [-] parts of the work that each process gets, to end together
 WORTH = 400  # [-] samples from which more processes repay their start
@@ -207,7 +208,8 @@ def make_course(
     laid = grid.laid(track.placed[track.held])
     final_gap = np.where(grid.beside, 0.0, contact.gap[-1])
     height = np.where(laid | grid.beside, np.inf, contact.gap - final_gap)
-    near = (height.min(axis=(1, 2)) <= NEAR) | laid.any(axis=(1, 2))
+    live = np.asarray(height <= _reach(spread, cell.sampling))
+    near = np.asarray(live.any(axis=(1, 2)) | laid.any(axis=(1, 2)))
     rests = _rests(plan, near)
     front, fixed = contact.front, rests.fixed
     wave = np.array(track.phase)[track.held][near] == "wave"
@@ -223,10 +225,11 @@ def make_course(
         rests,
         np.where(wave, track.step[track.held][near] + 1, 0),
         len(plan.sequence.steps) + 1,
-        track.landing[track.held][near],
         LinkKeeper(links, *rests.poses, ~fixed) if keep_links else None,
         grid,
-        laid[near],
+        live[near],
+        live[near] & grid.on_pads(track.landing[track.held][near]),
+        np.where(laid[near], 0.0, top_height(front.tolerance)),
         final_gap,
         front.tolerance,
         contact.choice.model,
@@ -288,6 +291,14 @@ def _front_grid(plan: Plan) -> FrontGrid:
     )
 
 
+def _reach(spread: Spread, sampling: PlySampling) -> float:
+    """Height above the laid state from which errors bring no ply near the mold, [m]."""
+    size = np.hypot(np.ptp(sampling.s), np.ptp(sampling.t)) / 2
+    moves = spread.position + spread.mold_xy + spread.mold_z
+    moves += spread.angle * sampling.grid.pitch
+    return float(max(NEAR, SPREADS * (moves + size * (spread.tilt + spread.mold_yaw))))
+
+
 def _rests(plan: Plan, near: NDArray[np.bool_]) -> Rests:
     """The waypoints near the mold."""
     track, cell = plan.track, plan.cell
@@ -299,6 +310,7 @@ def _rests(plan: Plan, near: NDArray[np.bool_]) -> Rests:
 
 
 def _far(premature: Array, air: Array, near: NDArray[np.bool_]) -> tuple[float, float]:
-    """Least margins of the waypoints that are left out."""
+    """Least margins of the waypoints that are left out, infinite beyond CAP."""
     least = [float(m.min(where=~near, initial=np.inf)) for m in (premature, air)]
-    return least[0], least[1]
+    early, pocket = (x if x < CAP else np.inf for x in least)
+    return early, pocket

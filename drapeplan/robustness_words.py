@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drapeplan.robustness import CAP, Effect, Robustness
+from drapeplan.robustness import Effect, Robustness
+from drapeplan.rolling import CAP
 
 Array = NDArray[np.float64]
 

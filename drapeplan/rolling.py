@@ -8,14 +8,15 @@ state above which heights count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
-from drapeplan.contact import FAR, HIGH
-from drapeplan.flood import air_margins, premature_margins
+from drapeplan.contact import FAR
+from drapeplan.flood import least_margins
 from drapeplan.front_grid import FrontGrid
 from drapeplan.held_ply import (
     PlyModel,
@@ -24,7 +25,14 @@ from drapeplan.held_ply import (
     outside_take_up,
     weight_on_mold,
 )
-from drapeplan.noise import Draw, LinkKeeper, Spread, registered, turned
+from drapeplan.noise import (
+    Draw,
+    LinkKeeper,
+    Spread,
+    as_registered,
+    registered,
+    turned,
+)
 from drapeplan.resettle import Poses, Rests, StiffnessTable
 from drapeplan.verdict import Tolerance
 from ply.sag import with_sag
@@ -33,6 +41,9 @@ from ply.weave import Sides
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+CAP = 3e-3  # [m] margins beyond are infinite: nothing threatens
+AT_ONCE = 16  # [-] poses at a time: their samples stay in the cache
 
 
 @dataclass(frozen=True)
@@ -43,10 +54,11 @@ class Course:
         rests: The waypoints, with the cell.
         step: Wave step of each, 0 while the start cup lands, shape (K,).
         steps: Number of steps, the start cup's included.
-        landing: Cups on their way down, shape (K, n).
         keeper: Keeps the links' lengths; None where errors are independent.
         grid: Samples of the ply.
-        laid: Samples whose cups are all placed, shape (K, nt, ns).
+        live: Samples that errors may bring near the mold, shape (K, nt, ns).
+        pads: Those on pads of cups on their way down, shape (K, nt, ns).
+        still: Heights of the others, zero where they are laid, shape (K, nt, ns), [m].
         final_gap: Gap of the laid state, zero beside the mold, shape (nt, ns), in [m].
         tolerance: What counts as touching, and as a barrier.
         model: Ply model on which the plan's verdict rests.
@@ -61,10 +73,11 @@ class Course:
     rests: Rests
     step: NDArray[np.int_]
     steps: int
-    landing: Bools
     keeper: LinkKeeper | None
     grid: FrontGrid
-    laid: Bools
+    live: Bools
+    pads: Bools
+    still: Array
     final_gap: Array
     tolerance: Tolerance
     model: PlyModel
@@ -79,14 +92,20 @@ class Course:
         """Robot, mold and ply."""
         return self.rests.cell
 
+    @property
+    def top(self) -> float:
+        """Height from which on all are the same to margins up to CAP, in [m]."""
+        return top_height(self.tolerance)
+
 
 @dataclass(frozen=True)
 class Rollout:
     """What became of one sample.
 
     Attributes:
-        premature: Least premature margin of each step, shape (steps,), in [m].
-        air: Least air margin of each step, shape (steps,), in [m].
+        premature: Least premature margin of each step, shape (steps,), in [m];
+            infinite beyond CAP.
+        air: The same of air margins.
         span_press: How deep spans are pressed below the laid state, in [m].
         pad_press: The same for pads, landing and placed, in [m].
         link_error: Largest error of a link, in [m].
@@ -111,6 +130,11 @@ class Rollout:
         return float(min(self.premature.min(), self.air.min()))
 
 
+def top_height(tolerance: Tolerance) -> float:
+    """Height from which on all are the same to margins up to CAP, in [m]."""
+    return tolerance.touch + tolerance.barrier + CAP
+
+
 def roll(course: Course, sample: Draw, spread: Spread) -> Rollout:
     """One sample of a plan.
 
@@ -124,8 +148,15 @@ def roll(course: Course, sample: Draw, spread: Spread) -> Rollout:
         lost = roll(course, sample, replace(Spread(), redrawn=spread.redrawn))
         return replace(lost, stable=False)
     poses, link_error = disturbed(course, settled, sample, spread)
-    h = _heights(course, poses, sample, spread)
-    return replace(_judged(course, h, sample, spread), link_error=link_error)
+    seen = as_registered(poses, sample, spread)  # the ply goes along with its cups
+    early, air, spans, pads = _measured(course, seen, sample, spread)
+    by_step = np.full((2, course.steps), np.inf)
+    for margins, row, far in zip((early, air), by_step, course.far, strict=True):
+        np.minimum.at(row, course.step, margins)
+        row[0] = min(row[0], far)
+    pushed = _pushed(course, sample, spread)
+    press = float(spans.max()), max(float(pads.max()), pushed)
+    return Rollout(by_step[0], by_step[1], *press, link_error)
 
 
 def disturbed(
@@ -166,30 +197,31 @@ def _settled(course: Course, sample: Draw, spread: Spread) -> Poses | None:
     return course.table.poses(planned, sample.stiffness)
 
 
-def _heights(course: Course, poses: Poses, sample: Draw, spread: Spread) -> Array:
-    """Heights above the laid state, shape (K, nt, ns), in [m]; zero where laid."""
-    points = _points(course, poses, sample, spread)
-    free = ~course.laid & ~course.grid.beside
-    h = np.where(course.laid, 0.0, HIGH)
-    final = np.broadcast_to(course.final_gap, h.shape)[free]
-    h[free] = np.minimum(_gap(course, points[free], sample, spread), HIGH) - final
-    return h
-
-
-def _gap(course: Course, points: Array, sample: Draw, spread: Spread) -> Array:
-    """Gaps to the mold as it stands, FAR beside it, shape (n,), in [m]."""
-    real = registered(points, sample, spread)
-    return course.cell.mold.gap(real, beside=FAR)
-
-
-def _points(course: Course, poses: Poses, sample: Draw, spread: Spread) -> Array:
-    """Ply of the sample, shape (K, nt, ns, 3), in [m]."""
+def _measured(
+    course: Course, poses: Poses, sample: Draw, spread: Spread
+) -> tuple[Array, Array, Array, Array]:
+    """Margins, premature and air, and depths, spans and pads; shapes (K,), in [m]."""
     cell = _with_ply(course.cell, sample, spread)
-    grid, ply = cell.sampling.grid, cell.scene.ply
-    take_up, model = ply.take_up_mm * 1e-3, course.model
+    found = np.empty((4, len(course.live)))
+    for chosen, fibers in _fibers(course, cell, poses):
+        for first in range(0, len(chosen), AT_ONCE):
+            some = chosen[first : first + AT_ONCE]
+            part = poses[0][some], poses[1][some]
+            held = _some(fibers, slice(first, first + AT_ONCE))
+            points = held_points(cell, held, *part, course.model)
+            found[:, some] = _judged(course, some, points)
+    early, air, spans, pads = found
+    return early, air, spans, pads
+
+
+def _fibers(
+    course: Course, cell: Cell, poses: Poses
+) -> Iterator[tuple[NDArray[np.int_], PlyFibers]]:
+    """Poses in which no fiber bulges, then the others, with their fibers."""
+    grid, ply, model = cell.sampling.grid, cell.scene.ply, course.model
+    take_up = ply.take_up_mm * 1e-3
     fibers = ply_fibers(grid, *poses, model="cubic", take_up=take_up)
     outside = outside_take_up(fibers) & course.bulges
-    points = np.empty((len(outside), *course.grid.cup_index.shape, 3))
     for bulging in (False, True):
         chosen = np.flatnonzero(outside == bulging)
         if not chosen.size:
@@ -199,12 +231,11 @@ def _points(course: Course, poses: Poses, sample: Draw, spread: Spread) -> Array
             sides = Sides(course.sides.s[chosen], course.sides.t[chosen])
             shaped = _bulging(cell, part, sides, model.gravity)
         else:
-            shaped = ply_fibers(grid, *part, model="cubic", take_up=take_up)
+            shaped = _some(fibers, chosen)
         if model.gravity:
             load = weight_on_mold(cell), ply.bending_stiffness_Nm
             shaped = with_sag(grid, shaped, part[1], *load)
-        points[chosen] = held_points(cell, shaped, *part, model)
-    return points
+        yield chosen, shaped
 
 
 def _with_ply(cell: Cell, sample: Draw, spread: Spread) -> Cell:
@@ -241,27 +272,24 @@ def _bulging(cell: Cell, poses: Poses, sides: Sides, gravity: bool) -> PlyFibers
     return heavy_where_slack(free, heavy)
 
 
-def _judged(course: Course, h: Array, sample: Draw, spread: Spread) -> Rollout:
-    """Margins and depths of heights above the laid state."""
+def _some(fibers: PlyFibers, poses: slice | NDArray[np.int_]) -> PlyFibers:
+    """Fibers of some poses of a batch."""
+    return PlyFibers(*(getattr(fibers, one.name)[poses] for one in fields(fibers)))
+
+
+def _judged(course: Course, some: NDArray[np.int_], points: Array) -> Array:
+    """Margins and depths of some poses, shape (4, k), in [m], from their points."""
     grid, touch, barrier = course.grid, course.tolerance.touch, course.tolerance.barrier
-    early = premature_margins(h, grid.start_pad, touch, barrier).min(axis=(1, 2))
-    air = air_margins(h, touch, barrier, grid.vents).min(axis=(1, 2))
-    pads = grid.on_pads(course.landing)
-    spans, landing = ~course.laid & ~pads, ~course.laid & pads
-    by_step = np.full((2, course.steps), np.inf)
-    for margins, row, far in zip((early, air), by_step, course.far, strict=True):
-        np.minimum.at(row, course.step, margins)
-        row[0] = min(row[0], far)
-    return Rollout(
-        by_step[0],
-        by_step[1],
-        float(max(0.0, -h.min(where=spans, initial=0.0))),
-        max(
-            float(max(0.0, -h.min(where=landing, initial=0.0))),
-            _pushed(course, sample, spread),
-        ),
-        0.0,
-    )
+    live, pads = course.live[some], course.pads[some]
+    at, final = np.flatnonzero(live), np.broadcast_to(course.final_gap, live.shape)
+    gap = course.cell.mold.gap(points.reshape(-1, 3).take(at, axis=0), beside=FAR)
+    h = course.still[some]
+    h.reshape(-1)[at] = np.minimum(gap - final[live], course.top)
+    depths = [
+        -h.min(axis=(1, 2), where=where, initial=0.0) for where in (live & ~pads, pads)
+    ]
+    margins = least_margins(h, grid.start_pad, grid.vents, touch, barrier)
+    return np.concatenate([margins, depths])
 
 
 def _pushed(course: Course, sample: Draw, spread: Spread) -> float:

@@ -17,6 +17,7 @@ from drapeplan.flood import (
     air_margins,
     edge_mask,
     escape_level,
+    least_margins,
     pass_level,
     premature_margins,
 )
@@ -183,3 +184,14 @@ def test_margin_is_the_descent_that_is_left(which, number):
     else:
         assert margin(h - left) == 0
         assert margin(h - (left - 1)) == 1
+
+
+@settings(deadline=None)
+@given(h=heights, data=st.data())
+def test_least_margins_are_those_of_the_fields(h, data):
+    start, vents = (data.draw(arrays(bool, h.shape)) for _ in range(2))
+    both = np.stack([h, h.T[::-1].reshape(h.shape)])  # the second sees fresh arrays
+    found = least_margins(both, start, vents, TOUCH, BARRIER)
+    early = premature_margins(both, start, TOUCH, BARRIER).min(axis=(1, 2))
+    air = air_margins(both, TOUCH, BARRIER, vents).min(axis=(1, 2))
+    assert_array_equal(found, [early, air])

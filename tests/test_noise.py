@@ -15,6 +15,7 @@ from drapeplan.noise import (
     YAW,
     LinkKeeper,
     Spread,
+    as_registered,
     draw,
     registered,
     turned,
@@ -197,3 +198,14 @@ def test_registration_takes_points_back_to_where_the_mold_went():
     on_mold = np.array([[0.2, 0.1, 0.05]])
     in_cell = np.array([[-0.099, 0.198, 0.053]])  # a quarter turn, then the shift
     assert_allclose(registered(in_cell, sample, spread), on_mold, atol=1e-15)
+
+
+def test_cups_turn_with_the_points_that_they_hold():
+    """Registration of a cup's pose takes along any point fixed to the cup."""
+    sample = replace(one(), registration=np.array([1.0, -2.0, 3.0, 1.0]))
+    spread = Spread(mold_xy=1e-3, mold_z=1e-3, mold_yaw=0.3)
+    (positions, rotations), arm = flat(2), np.array([0.03, -0.02, 0.01])
+    p, R = as_registered((positions, rotations), sample, spread)
+    held = registered(positions + rotations @ arm, sample, spread)
+    assert_allclose(p + R @ arm, held, atol=1e-15)
+    assert as_registered((positions, rotations), sample, Spread())[1] is rotations

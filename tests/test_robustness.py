@@ -12,9 +12,9 @@ from drapeplan.intervals import share_interval
 from drapeplan.noise import Spread
 from drapeplan.plan import Plan
 from drapeplan.report_robustness import tornado_figure
-from drapeplan.robustness import CAP, Effect, Robustness, in_processes, robustness
+from drapeplan.robustness import Effect, Robustness, in_processes, robustness
 from drapeplan.robustness_words import document, sentences, table
-from drapeplan.rolling import Rollout
+from drapeplan.rolling import CAP, Rollout
 from drapeplan.scene import UncertaintySection
 from tests.courses import wave_plan
 from tests.settled import DOME, tool_section

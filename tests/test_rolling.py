@@ -10,7 +10,7 @@ from drapeplan.contact import HIGH
 from drapeplan.front import check_front
 from drapeplan.noise import Spread, draw
 from drapeplan.robustness import make_course
-from drapeplan.rolling import disturbed, roll
+from drapeplan.rolling import CAP, disturbed, roll
 from tests.courses import wave_plan
 
 EXACT = 1e-12  # [m] of the same numbers computed in another order
@@ -50,8 +50,12 @@ def test_without_errors_it_is_the_plan(kind, take_up):
     assert course.model.name == ("cubic" if kind == "flat" else "modal")
     found = roll(course, sample(course), Spread())
     front = at_waypoints(plan, course)
-    assert found.premature.min() == pytest.approx(front.premature_margin.min(), EXACT)
-    assert found.air.min() == pytest.approx(front.air_margin.min(), EXACT)
+    for margins, planned in (
+        (found.premature, front.premature_margin),
+        (found.air, front.air_margin),
+    ):
+        least = planned.min() if planned.min() < CAP else np.inf
+        assert margins.min() == pytest.approx(least, EXACT)
     spans, pads = front.span_penetration.max(), front.pad_penetration.max()
     assert found.span_press == pytest.approx(spans, abs=EXACT)
     assert found.pad_press == pytest.approx(pads, abs=EXACT)
