@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,17 @@ class Contact:
     front: FrontVerdict
     choice: PlyChoice
     fibers: PlyFibers
+    mold: HeightGrid = field(repr=False)
+
+    @cached_property
+    def drawn(self) -> tuple[Array, Array]:
+        """The ply as it lies, none of it in the mold: points and gap, as above.
+
+        The free shape knows no mold: its depth below one says how hard it is pushed in,
+        so the verdict rests on it. Clipped, it is nearer to the shape of ply that
+        touches in part: 0.1 to 0.3 mm from an obstacle beam, of 0.1 to 0.65 mm.
+        """
+        return clipped(self.mold, self.points, self.gap)
 
 
 def ply_over_mold(
@@ -50,13 +62,8 @@ def ply_over_mold(
     rotations: Array,
     model: PlyModel = CUBIC,
     fibers: PlyFibers | None = None,
-    clip: bool = False,
 ) -> tuple[Array, Array]:
-    """Ply and its gap to the mold.
-
-    The free shape knows no mold: its depth below one says how hard it is pushed in, so
-    the verdict rests on it. Clipped at the mold it is nearer to the shape of ply that
-    touches in part: 0.1 to 0.3 mm from an obstacle beam, of 0.1 to 0.65 mm.
+    """Free shape of the ply and its gap to the mold.
 
     Args:
         cell: Robot, mold and ply.
@@ -64,7 +71,6 @@ def ply_over_mold(
         rotations: Cup rotations in the mold frame, shape (K, n, 3, 3).
         model: What of the ply is modeled.
         fibers: Fibers of the poses on that model, where a caller has them.
-        clip: Whether to put what is below the mold on it.
 
     Returns:
         Points (K, nt, ns, 3) in the mold frame and gaps (K, nt, ns), both in [m];
@@ -73,8 +79,7 @@ def ply_over_mold(
     if fibers is None:
         fibers = held_fibers(cell, positions, rotations, model)
     points = held_points(cell, fibers, positions, rotations, model)
-    gap = cell.mold.gap(points, beside=FAR)
-    return clipped(cell.mold, points, gap) if clip else (points, gap)
+    return points, cell.mold.gap(points, beside=FAR)
 
 
 def clipped(mold: HeightGrid, points: Array, gap: Array) -> tuple[Array, Array]:
@@ -164,4 +169,4 @@ def judge_contact(
     front = judge_between(
         waypoints, seen(gap), final, samples, front_tolerance(cell), between
     )
-    return Contact(points, gap, beside, front, choice, fibers)
+    return Contact(points, gap, beside, front, choice, fibers, cell.mold)
