@@ -217,6 +217,17 @@ def test_robustness_is_that_of_the_plan(good):
     assert view_of(stated).robustness == {"samples": 3}
 
 
+def test_pads_are_those_of_the_cups(good):
+    """Samples within half a cup's width of its middle, and no others."""
+    grid = good_plan().cell.grid
+    j, s = np.divmod(np.arange(12), 3)[1] * grid.pitch, good.s
+    i, t = np.divmod(np.arange(12), 3)[0] * grid.pitch, good.t
+    near_s = abs(s[:, None] - j) < grid.half_width + 1e-9
+    near_t = abs(t[:, None] - i) < grid.half_width + 1e-9
+    on = near_t[:, None] & near_s
+    assert_array_equal(good.pads, np.where(on.any(axis=-1), on.argmax(axis=-1), -1))
+
+
 def test_gaps_of_the_panels_are_exact(bad):
     """Packed gaps are within half a step of the plan's, deep ones included."""
     payload = packing.Payload()

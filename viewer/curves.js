@@ -1,6 +1,6 @@
 /* Curves under the time line: contact area and least margin, phases, steps, and faults. */
 
-const CURVES = { top: 14, left: 8, right: 8, foot: 12, gap: 5 }; // [px] around the two bands
+const CURVES = { top: 14, left: 8, right: 8, foot: 13, gap: 5, strip: 4 }; // [px] around and below the two bands
 
 /** Rows of values by moment: share in contact and least margin of a drape. */
 function curveValues({ timeline }, drape) {
@@ -11,11 +11,19 @@ function curveValues({ timeline }, drape) {
   });
 }
 
+/** Kinds of what goes wrong in a drape, each with the poses at which it does. */
+function faultsOf(drape) {
+  return Object.keys(KINDS).map((kind) => ({
+    drape, kind, guilty: new Set(drape.marks.all.filter((mark) => mark.kind === kind).flatMap(({ poses }) => poses)) }))
+    .filter(({ guilty }) => guilty.size);
+}
+
 class Curves {
   constructor(app) {
     Object.assign(this, { app, values: app.drapes.map((drape) => curveValues(app, drape)) });
     this.most = app.drapes[0].plan.details.margins.most;
     this.least = Math.min(-0.1 * this.most, ...this.values.flat().map(({ margin }) => margin));
+    this.faults = app.drapes.flatMap((drape) => faultsOf(drape));
     this.figure = byId("chart");
     const jump = (event) => {
       const { left } = this.figure.getBoundingClientRect();
@@ -31,17 +39,17 @@ class Curves {
   /** Draw what does not depend on the moment. */
   draw() {
     const { figure, app } = this, width = figure.clientWidth || 600, height = figure.clientHeight || 92;
-    const last = Math.max(1, app.timeline.last), { top, left, right, foot, gap } = CURVES;
-    const band = (height - top - foot - gap) / 2;
+    const last = app.timeline.last, { top, left, right, foot, gap, strip } = CURVES;
+    const floor = height - foot - strip * this.faults.length, band = (floor - top - gap) / 2;
     this.x = scale(-0.5, last + 0.5, left, width - right);
     this.momentAt = (x) => Math.round(((x - left) / (width - right - left)) * (last + 1) - 0.5);
     this.contact = scale(0, 1, top + band, top + 1);
-    this.margin = scale(this.least, this.most, height - foot, height - foot - band + 1);
+    this.margin = scale(this.least, this.most, floor, floor - band + 1);
     this.cursor = svg("line", { class: "cursor", y1: 0, y2: height });
     figure.replaceChildren(
       ...this.phases(height), ...this.steps(height - foot),
-      svg("line", { class: "zero", x1: left, x2: width - right, y1: this.margin(0), y2: this.margin(0) }),
-      ...app.drapes.flatMap(({ index }) => this.lines(index)), ...this.faults(),
+      ...[this.contact(0), this.margin(0)].map((y) => svg("line", { class: "zero", x1: left, x2: width - right, y1: y, y2: y })),
+      ...app.drapes.flatMap(({ index }) => this.lines(index)), ...this.strips(floor),
       svg("text", { x: width - right - 3, y: top + band - 4, class: "name" }, "contact, 0 to 100 %"),
       svg("text", { x: width - right - 3, y: this.margin(0) - 4, class: "name" }, `margin to a fault, 0 to ${+(1e3 * this.most).toFixed(1)} mm`),
       this.cursor);
@@ -78,16 +86,14 @@ class Curves {
     });
   }
 
-  /** A triangle at each moment at which something goes wrong. */
-  faults() {
-    return this.app.drapes.flatMap((drape) => {
-      const guilty = new Set(drape.plan.details.events.map(({ pose }) => pose));
-      return this.app.timeline.moments.flatMap(({ poses }, k) => {
-        if (!guilty.has(poses[drape.index])) return [];
-        const x = this.x(k), y = this.margin(this.values[drape.index][k].margin);
-        return [svg("path", { class: "fault", d: `M${x - 3},${y + 3}h6l-3,-6z` })];
-      });
-    });
+  /** Below the curves a strip for each kind of fault, where and how long it lasts. */
+  strips(floor) {
+    return this.faults.flatMap(({ drape, kind, guilty }, row) =>
+      runsOf(this.app.timeline.moments.map(({ poses }) => ({ phase: guilty.has(poses[drape.index]) })))
+        .filter(({ phase }) => phase)
+        .map(({ first, last }) => svg("rect", {
+          class: "fault", "data-kind": kind, x: this.x(first - 0.5), width: this.x(last + 0.5) - this.x(first - 0.5),
+          y: floor + CURVES.strip * row + 1, height: CURVES.strip - 1, fill: KINDS[kind].color }, svg("title", {}, KINDS[kind].name))));
   }
 
   mark(moment) {

@@ -23,7 +23,8 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         payload: Takes up arrays; the header refers to them by their indices.
 
     Returns:
-        material: s and t of the samples in [m], and the cups around each sample.
+        material: s and t of the samples in [m], the cups around each sample as uint16,
+            the cup that holds it as int16; or None.
         gaps: Exact gaps: folded uint16 (1, K, nt, ns), `lowest + step * value` in [m],
             none beyond `highest`.
         margins: `premature` and `air` by pose, in [m], and `most`, where they end.
@@ -34,12 +35,13 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         statements, facts: As in the view.
         robustness: The plan's block, or None.
     """
-    around = view.cups_around
+    around, pads = view.cups_around, view.pads
     return {
         "material": {
             "s": np.round(view.s, 6).tolist(),
             "t": np.round(view.t, 6).tolist(),
             "around": None if around is None else payload.add(around, "<u2"),
+            "pads": None if pads is None else payload.add(pads, "<i2"),
         },
         "gaps": {
             "step": GAP_STEP,

@@ -135,6 +135,8 @@ class PlanView:
             its first column.
         cups_around: Indices of the cups each sample depends on, shape (nt, ns, 4),
             repeated where they are fewer; or None.
+        pads: Index of the cup that holds each sample, -1 off pads, shape (nt, ns); or
+            None.
         margins: What is left at each pose until a premature contact and until an air
             pocket, no more than MARGIN_SHOWN, at or below zero where one happens, shape
             (K, 2), in [m]; by default MARGIN_SHOWN.
@@ -179,6 +181,7 @@ class PlanView:
     s: Array | None = None
     t: Array | None = None
     cups_around: Array | None = None
+    pads: Array | None = None
     margins: Array | None = None
     wave_step: Array | None = None
     tau: Array | None = None
@@ -239,8 +242,9 @@ class PlanView:
         """Shapes that all arrays must have, given the ply and the names of the cups."""
         k, n = self.poses, len(self.cup_names)
         nt, ns = np.shape(self.gap)[1:3]
-        some = {} if self.cups_around is None else {"cups_around": (nt, ns, 4)}
-        return some | {
+        some = {"cups_around": (nt, ns, 4), "pads": (nt, ns)}
+        given = {n: x for n, x in some.items() if getattr(self, n) is not None}
+        return given | {
             "mold_vertices": (len(self.mold_vertices), 3),
             "mold_faces": (len(self.mold_faces), 3),
             "ply_points": (*np.shape(self.gap), 3),

@@ -6,6 +6,7 @@ class Material {
     const { material, gaps } = drape.plan.details, { poses, rows, columns } = drape.plan.ply;
     Object.assign(this, { drape, gaps, rows, columns, poses, s: material.s, t: material.t });
     this.around = material.around === null ? null : drape.view(Uint16Array, material.around);
+    this.pads = material.pads === null ? null : drape.view(Int16Array, material.pads);
   }
 
   /** Gap of a sample at a pose, in meters. */
@@ -28,6 +29,9 @@ class Material {
     return this.around === null ? [] : [...new Set(this.around.subarray(4 * index, 4 * index + 4))];
   }
 
+  /** Cup that holds a sample, or -1. */
+  pad(index) { return this.pads === null ? -1 : this.pads[index]; }
+
   /** Ply model below a sample: the highest rung of the strips around it, or "". */
   rung(pose, cups) {
     const { names, strips } = this.drape.plan.details.rungs, { links } = this.drape.cups;
@@ -39,17 +43,12 @@ class Material {
     return cups.length > 1 ? names[highest] ?? "" : "";
   }
 
-  /** Events of a pose that take in a sample. */
-  events(pose, index) {
-    return this.drape.plan.details.events.filter((event) =>
-      event.pose === pose && this.drape.view(Uint32Array, event.samples).includes(index));
+  /** Kinds of what is wrong at a sample at the pose shown, see KINDS. */
+  wrong(index) {
+    const inside = ({ samples = [], line = [] }) => samples.includes(index) || line.includes(index);
+    return [...new Set(this.drape.marks.now.filter(inside).map(({ kind }) => kind))].map((kind) => KINDS[kind]);
   }
 }
-
-const EVENT_NAMES = {
-  premature_contact: "premature contact", air_pocket: "air pocket",
-  penetration: "pushed into the mold", pad_penetration: "pad pressed into the mold",
-};
 
 /** Lines of the probe: gap, place on the ply, cups and their states, model, what is wrong. */
 function probeLines({ book }, drape, sample) {
@@ -57,12 +56,12 @@ function probeLines({ book }, drape, sample) {
   const gap = material.gap(pose, index), cups = material.cups(index);
   const lines = [material.far(gap) ? "far above the mold, or beside it" : `gap ${millimeters(gap, 2)}`];
   lines.push(`s ${(1e3 * material.s[column]).toFixed(0)}, t ${(1e3 * material.t[row]).toFixed(0)} mm`);
-  const where = ["", "on cup", "between cups", "between cups", "between cups"][cups.length];
+  const where = cups.length > 1 ? "between cups" : material.pad(index) < 0 ? "beyond cup" : "on cup";
   if (cups.length) lines.push(`${where} ${cups.map((cup) => `(${drape.cups.names[cup]})`).join(" ")}`);
   const states = [...new Set(cups.map((cup) => book.states[drape.cups.state(pose, cup)].name.toLowerCase()))];
   const rung = material.rung(pose, cups);
   if (cups.length) lines.push([states.join(" and "), rung && `ply model ${rung}`].filter(Boolean).join("; "));
-  for (const { kind } of material.events(pose, index)) lines.push(`! ${EVENT_NAMES[kind]}`);
+  for (const { symbol, name } of material.wrong(index)) lines.push(`${symbol} ${name.toLowerCase()}`);
   return lines;
 }
 

@@ -108,6 +108,7 @@ def drape_of(
         "s": cell.sampling.s,
         "t": cell.sampling.t,
         "cups_around": cell.sampling.cups_around,
+        "pads": cell.sampling.cup_index,
     }
 
 

@@ -24,18 +24,17 @@ function sectionValues(drape, line) {
 function padRuns(material, samples) {
   const runs = [];
   samples.forEach((index, k) => {
-    const cups = material.cups(index), run = runs[runs.length - 1];
-    if (cups.length !== 1) return;
-    if (run && run.cup === cups[0] && run.last === k - 1) run.last = k;
-    else runs.push({ cup: cups[0], first: k, last: k });
+    const cup = material.pad(index), run = runs[runs.length - 1];
+    if (cup < 0) return;
+    if (run && run.cup === cup) run.last = k;
+    else runs.push({ cup, first: k, last: k });
   });
-  return runs.filter(({ first, last }) => last > first);
+  return runs;
 }
 
 class Section {
   constructor(app) {
-    const { material } = app.drapes[0];
-    Object.assign(this, { app, line: { family: "s", number: Math.floor(material.rows / 2) } });
+    Object.assign(this, { app, line: { family: "s", number: 0 } });
     this.figure = svg("svg", { class: "plot", role: "img" });
     this.families = element("select", "", { "aria-label": "Direction of the section" });
     for (const [value, text] of [["s", "along s, a row"], ["t", "along t, a column"]])
@@ -50,6 +49,7 @@ class Section {
     this.panel = app.addPanel("Section", body, { place: "wide", label: "Section through a fiber line" });
     this.traces = app.drapes.map((drape) => this.addTrace(drape));
     this.fill();
+    this.choose({ family: "s", number: Infinity });
     app.onClick((drape, { row, column }) => this.choose({ ...this.line, number: this.line.family === "s" ? row : column }));
     app.onPose(() => this.show());
     new MutationObserver(() => this.show()).observe(this.panel.element, { attributes: true, attributeFilter: ["hidden"] });
@@ -79,11 +79,18 @@ class Section {
     }));
   }
 
+  /** The line through cups that is nearest to the middle of the ply. */
+  middle(family, count) {
+    const { material } = this.app.drapes[0], half = (count - 1) / 2;
+    const numbers = Array.from({ length: count }, (_, number) => number).sort((a, b) => Math.abs(a - half) - Math.abs(b - half));
+    return numbers.find((number) => padRuns(material, lineSamples(material, { family, number })).length) ?? numbers[0];
+  }
+
   /** Show another line; a number beyond them stands for the one in the middle. */
   choose({ family, number }) {
     const { rows, columns } = this.app.drapes[0].material, count = family === "s" ? rows : columns;
     const other = family !== this.line.family;
-    this.line = { family, number: number < count ? number : Math.floor(count / 2) };
+    this.line = { family, number: number < count ? number : this.middle(family, count) };
     if (other) this.fill();
     this.families.value = family;
     this.numbers.value = this.line.number;
@@ -142,10 +149,12 @@ class Section {
     });
     marks.push(svg("polyline", { class: "curve gap", "data-drape": drape.index, stroke: DRAPE_COLORS[drape.index],
       points: through(values.map(({ length, gap }) => [x(length), y(gap)])) }));
-    const guilty = new Set(drape.plan.details.events.filter((event) => event.pose === pose)
-      .flatMap((event) => [...drape.view(Uint32Array, event.samples)]));
-    for (const { index, length, gap } of values)
-      if (guilty.has(index)) marks.push(svg("circle", { class: "fault", cx: x(length), cy: y(gap), r: 2.5 }));
+    const guilty = new Map(drape.marks.now.flatMap(({ kind, samples = [] }) => samples.map((index) => [index, KINDS[kind]])));
+    for (const { index, length, gap } of values) {
+      if (!guilty.has(index)) continue;
+      const { color, name } = guilty.get(index);
+      marks.push(svg("circle", { class: "fault", cx: x(length), cy: y(gap), r: 2.5, fill: color }, svg("title", {}, name)));
+    }
     return marks;
   }
 }

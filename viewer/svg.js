@@ -31,4 +31,7 @@ function roundUp(value) {
 /** Places as the `points` of a polyline. */
 const through = (places) => places.map(([x, y]) => `${x.toFixed(2)},${y.toFixed(2)}`).join(" ");
 
+/** Tell the style how high the foot is, so that what stands above it ends there. */
+new ResizeObserver(() => document.body.style.setProperty("--foot", `${byId("foot").offsetHeight}px`)).observe(byId("foot"));
+
 const DRAPE_COLORS = ["#0b5fa5", "#b94700"]; // of lines, one for each drape of the page
