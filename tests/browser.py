@@ -169,6 +169,7 @@ class OpenPage:
 
     def __init__(self, browser, path: Path, address="", size=(960, 640)):
         """Open a file without network and wait until its content stands."""
+        self.path = path
         viewport = {"width": size[0], "height": size[1]}
         self.context = browser.new_context(viewport=viewport, offline=True)
         self.page = self.context.new_page()

@@ -49,7 +49,7 @@ class App {
     this.paint(Object.keys(this.palettes)[0]);
     this.look(book.drapes[0].opening);
     addAddress(this);
-    addEventListener("resize", () => { this.look(this.view); this.show(this.pose); });
+    this.watchSize();
   }
 
   get moment() { return this.book.moments[this.pose]; }
@@ -116,7 +116,6 @@ class App {
     byId(place).append(holder);
     const button = toggle(name, (on) => {
       holder.hidden = !on;
-      if (this.view) dispatchEvent(new Event("resize"));
     }, { title: label });
     button.set(open);
     byId("panels").append(button);
@@ -149,6 +148,17 @@ class App {
       const render = drape.viewer.render.bind(drape.viewer);
       drape.viewer.render = () => { render(); drawTags(drape, this.tags); };
     }
+  }
+
+  /** When window or time line change their size, the drapes are framed anew. */
+  watchSize() {
+    const foot = byId("foot"), frame = () => {
+      document.documentElement.style.setProperty("--foot", `${foot.offsetHeight}px`);
+      for (const { viewer } of this.drapes) viewer.set_3d_pane_size();
+      this.look(this.view);
+    };
+    new ResizeObserver(frame).observe(foot);
+    addEventListener("resize", frame);
   }
 
   addViews() {

@@ -5,8 +5,8 @@ const KINDS = {
   air_pocket: { name: "Air pocket", symbol: "◉", color: "#E69F00" },
   penetration: { name: "Penetration", symbol: "▼", color: "#CC79A7" },
   pad_penetration: { name: "Pad penetrates", symbol: "▽", color: "#CC79A7" },
-  tight_fiber: { name: "Fiber too short", symbol: "↔", color: "#B2182B" },
-  slack_fiber: { name: "Fiber too long", symbol: "∿", color: "#B2182B" },
+  tight_fiber: { name: "Fiber too short", symbol: "↔", color: "#E8432E" },
+  slack_fiber: { name: "Fiber too long", symbol: "∿", color: "#E8432E" },
 };
 const MOST_LABELS = 3; // of each kind at a pose: more would cover one another
 
@@ -42,7 +42,7 @@ class Marks {
       viewer.set_object(["meshcat", "marks", kind], mesh);
     }
     const pieces = this.all.reduce((sum, { line = [] }) => sum + Math.max(0, line.length - 1), 0);
-    this.fibers = cylinders(pieces, 0.12 * plan.cups.radius, 0, new T.MeshBasicMaterial({ color: KINDS.slack_fiber.color }), 6);
+    this.fibers = cylinders(pieces, 0.2 * plan.cups.radius, 0, new T.MeshBasicMaterial({ color: KINDS.slack_fiber.color }), 6);
     viewer.set_object(["meshcat", "marks", "fibers"], this.fibers);
   }
 

@@ -65,18 +65,20 @@ class Bodies {
   }
 }
 
-/** Software rendering is slow: without shadows it keeps up. */
+/** Draw the first picture; without a graphics card, or on a slow one, shadows are left out. */
 function adaptQuality({ viewer }) {
   const gl = viewer.renderer.getContext(), pixel = new Uint8Array(4);
+  const light = viewer.scene_tree.find(["Lights", "SpotLight", "<object>"]).object;
   const time = () => {
     const start = performance.now();
     viewer.render();
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
     return performance.now() - start;
   };
-  time(); // the first picture compiles the shaders
-  const slow = time() > 120;
-  if (slow) viewer.scene_tree.find(["Lights", "SpotLight", "<object>"]).object.castShadow = false;
+  const names = gl.getExtension("WEBGL_debug_renderer_info"), name = gl.getParameter(names?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
+  light.castShadow = !/swiftshader|llvmpipe|software|basic render/i.test(name);
+  time(); // compiles the shaders
+  if (light.castShadow && time() > 120) light.castShadow = false;
   viewer.set_dirty();
-  return slow ? "low" : "high";
+  return light.castShadow ? "high" : "low";
 }
