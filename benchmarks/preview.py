@@ -1,83 +1,93 @@
-"""Size and speed of the exported preview, on a synthetic drape."""
+"""Size and speed of the preview of a real plan, and of its page in a browser."""
 
 import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
-from drapeplan.visuals import arm_visuals
-from urdf.arm import read_arm
-from viewer.geometry import grid_triangles
+from drapeplan.errors import InputError
+from drapeplan.planner import make_plan
+from drapeplan.scene import read_scene
+from viewer.chromium import Chromium
 from viewer.page import export
-from viewer.plan_view import Mesh, PlanView
+from viewer.plan_view import PlanView
+from viewer.scene import view_of
 
-ROWS, COLUMNS, PITCH = 8, 6, 0.110  # [m] the tool of the defaults
-RUNS = 3  # of each export; the fastest counts
-
-
-def drape(poses: int, samples: tuple[int, int]) -> PlanView:
-    """A ply lowered on a paraboloid from its middle outward, with a UR10 beside it."""
-    along_t, along_s = (np.linspace(-0.5, 0.5, n) for n in samples)
-    t, s = np.meshgrid(0.85 * along_t, 0.63 * along_s, indexing="ij")
-    front = np.linspace(0, 0.45, poses)[:, None, None]
-    z = -(s**2) / 2.4 - t**2 / 5.0
-    gap = 0.9 * np.maximum(0, abs(t) - front) ** 2
-    points = np.stack(np.broadcast_arrays(s + 0.75, t, 0.2 + z + gap), axis=-1)
-    i, j = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    x, y = 0.75 + (j - 2.5) * PITCH, (i - 3.5) * PITCH
-    lift = 0.9 * np.maximum(0, abs(y) - front[:, 0]) ** 2
-    height = 0.2 - (x - 0.75) ** 2 / 2.4 - y**2 / 5.0 + lift
-    cups = np.stack(np.broadcast_arrays(x, y, height), axis=-1)
-    tool = np.tile(np.diag([1.0, -1, -1, 1]), (poses, 1, 1))
-    tool[:, :3, 3] = 0.75, 0, 0.6
-    arm = arm_visuals(read_arm("ur10"))
-    angles = np.tile([0.0, -1.2, 1.6, -2.0, -1.57, -1.57], (poses, 1))
-    return PlanView(
-        title="Benchmark",
-        subtitle="",
-        verdict=["Good."],
-        good=True,
-        mold_vertices=points[-1].reshape(-1, 3),
-        mold_faces=grid_triangles(*samples),
-        ply_points=points,
-        gap=gap,
-        labels=[f"pose {k}" for k in range(poses)],
-        phases=["wave"] * poses,
-        cup_positions=cups,
-        cup_rotations=np.broadcast_to(np.eye(3), (*cups.shape, 3)),
-        cup_states=np.where(lift > 0, 0, 2).astype(np.uint8),
-        cup_names=[f"{a},{b}" for a, b in zip(i, j, strict=True)],
-        universals=cups * np.array([1, 1, 0]) + np.array([0, 0, 0.54]),
-        balls=cups + np.array([0, 0, 0.005]),
-        interlinks=np.zeros((0, 2), int),
-        half_width=0.02,
-        tool_placement=tool,
-        platform_size=(0.63, 0.85),
-        arm_meshes=[Mesh(*body) for body in arm.bodies],
-        arm_placements=arm.placements(angles),
-    )
+EXAMPLES = Path(__file__).parent.parent / "examples"
+SCENES = ("panel", "kindrape")
+RUNS = 3  # of each export and each page; the fastest counts
+WINDOW = (1280, 720)  # [px]
+READY = """new Promise((done) => {
+  const look = () => document.body?.dataset.ready ? done(performance.now()) : setTimeout(look, 10);
+  look();
+})"""  # noqa: E501
+STEPS = """(() => {
+  const times = app.book.moments.map((_, k) => {
+    const start = performance.now();
+    app.show(k);
+    return performance.now() - start;
+  }).sort((a, b) => a - b);
+  return [times[times.length >> 1], times[Math.floor(0.95 * times.length)]];
+})()"""  # what a change of pose asks of the script; drawing comes later
 
 
 def run(quick: bool = False) -> dict[str, object]:
-    """Export previews of growing length.
+    """Preview plans, each alone, then both side by side.
 
     Args:
-        quick: Measure the shortest alone.
+        quick: The first plan alone, once.
 
     Returns:
-        Rows with poses, samples a pose, seconds of the export and size in megabytes.
+        For each preview its poses, seconds from the plan to its arrays and from these
+        to the file, megabytes, and what `page_figures` says.
     """
-    rows = []
+    runs, results, views = 1 if quick else RUNS, {}, {}
     with tempfile.TemporaryDirectory() as folder:
-        for poses in (25,) if quick else (25, 100, 400):
-            view = drape(poses, (86, 64))
-            seconds = []
-            for _ in range(1 if quick else RUNS):
-                start = time.perf_counter()
-                figures = export(view, Path(folder) / "preview.html")
-                seconds.append(time.perf_counter() - start)
-            row = {"poses": poses, "samples": figures["samples"]}
-            row |= {"seconds": min(seconds), "megabytes": figures["size_bytes"] / 1e6}
-            rows.append(row)
-    return {"preview": rows}
+        file = Path(folder) / "preview.html"
+        for name in SCENES[:1] if quick else SCENES:
+            path = EXAMPLES / f"{name}.yaml"
+            plan = make_plan(read_scene(path), EXAMPLES, str(path)).plan
+            start = time.perf_counter()
+            views[name] = view_of(plan)
+            arrays = {"arrays_s": time.perf_counter() - start}
+            results[name] = arrays | _figures([views[name]], file, runs)
+        if not quick:
+            results["side_by_side"] = _figures(list(views.values()), file, runs)
+    return results
+
+
+def _figures(views: list[PlanView], file: Path, runs: int) -> dict[str, object]:
+    seconds = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        figures = export(views, file)
+        seconds.append(time.perf_counter() - start)
+    made = {"poses": figures["poses"], "export_s": min(seconds)}
+    made["megabytes"] = file.stat().st_size / 1e6
+    try:
+        return made | page_figures(file, runs)
+    except InputError as error:
+        return made | {"page": str(error)}
+
+
+def page_figures(file: Path, runs: int) -> dict[str, object]:
+    """Speed of a page in an installed Chromium that draws by software.
+
+    Args:
+        file: The preview.
+        runs: How often it is opened; the fastest counts.
+
+    Returns:
+        Seconds from asking for the page to its first picture, and milliseconds of
+        script for a change of pose: the median over the time line, and its 95 % point.
+
+    Raises:
+        InputError: If no browser is installed.
+    """
+    opened, changed = [], []
+    for _ in range(runs):
+        with Chromium(WINDOW) as browser:
+            browser.ask("Page.navigate", url=file.as_uri())
+            opened.append(browser.run(READY) / 1e3)
+            changed.append(browser.run(STEPS))
+    names = ("first_picture_s", "step_ms", "step_95_ms")
+    return dict(zip(names, (min(opened), *min(changed)), strict=True))
