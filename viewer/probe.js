@@ -1,5 +1,8 @@
 /* The probe: what the pointer is over, in words, and the exact gaps behind it. */
 
+/** Index of the value nearest to another. */
+const nearestOf = (values, at) => values.reduce((best, value, i) => (Math.abs(value - at) < Math.abs(values[best] - at) ? i : best), 0);
+
 /** Exact gaps and material coordinates of a drape; unfolded when first asked for. */
 class Material {
   constructor(drape) {
@@ -19,10 +22,7 @@ class Material {
   far(gap) { return gap > this.gaps.highest - this.gaps.step; }
 
   /** Index of the sample nearest to a place (s, t), in meters. */
-  nearest([s, t]) {
-    const near = (lines, value) => lines.reduce((best, x, i) => (Math.abs(x - value) < Math.abs(lines[best] - value) ? i : best), 0);
-    return near(this.t, t) * this.columns + near(this.s, s);
-  }
+  nearest([s, t]) { return nearestOf(this.t, t) * this.columns + nearestOf(this.s, s); }
 
   /** Cups that a sample depends on, each once: one on a pad, two on a strip, four in a patch. */
   cups(index) {

@@ -50,7 +50,10 @@ class Section {
     this.traces = app.drapes.map((drape) => this.addTrace(drape));
     this.fill();
     this.choose({ family: "s", number: Infinity });
-    app.onClick((drape, { row, column }) => this.choose({ ...this.line, number: this.line.family === "s" ? row : column }));
+    app.onClick(({ material }, { row, column }) => {
+      const [across, number] = this.line.family === "s" ? ["t", row] : ["s", column];
+      this.choose({ ...this.line, number: nearestOf(app.drapes[0].material[across], material[across][number]) });
+    });
     app.onPose(() => this.show());
     new MutationObserver(() => this.show()).observe(this.panel.element, { attributes: true, attributeFilter: ["hidden"] });
   }
@@ -97,11 +100,17 @@ class Section {
     this.show();
   }
 
+  /** The line of another drape at the same place of the ply. */
+  lineOf({ material }) {
+    const { family, number } = this.line, across = family === "s" ? "t" : "s";
+    return { family, number: nearestOf(material[across], this.app.drapes[0].material[across][number]) };
+  }
+
   show() {
     this.traces.forEach((trace, k) => {
       const drape = this.app.drapes[k];
       trace.visible = this.open;
-      if (this.open) trace.geometry.setIndex(lineSamples(drape.material, this.line));
+      if (this.open) trace.geometry.setIndex(lineSamples(drape.material, this.lineOf(drape)));
       drape.viewer.set_dirty();
     });
     if (this.open) this.draw();
@@ -109,7 +118,7 @@ class Section {
 
   draw() {
     const { app, figure, line } = this, width = figure.clientWidth || 600, height = figure.clientHeight || 150;
-    const { left, right, top, foot } = SECTION, values = app.drapes.map((drape) => sectionValues(drape, line));
+    const { left, right, top, foot } = SECTION, values = app.drapes.map((drape) => sectionValues(drape, this.lineOf(drape)));
     const shown = values.flat().filter(({ gap }) => gap < app.book.gap_shown);
     const low = Math.min(-1e-3, ...shown.map(({ gap }) => gap)), high = roundUp(Math.max(2e-3, ...shown.map(({ gap }) => gap)));
     const longest = Math.max(...values.flat().map(({ length }) => length)), x = scale(0, longest, left, width - right);
