@@ -8,6 +8,7 @@ weave's take-up. What a measurement does not show is said, never guessed (D24).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from ply.reconcile import LENGTH_SIGMA
 
 Array = NDArray[np.float64]
 
+TINY = 1e-9  # [m] cups nearer to each other have no arm
 MODEL_SIGMA = 20e-6  # [m] of the take-up: what patches do to their strips (D24)
 
 
@@ -33,6 +35,15 @@ class Look:
 
     cups: SeenCups
     strips: Strips
+
+
+class _Lengths(NamedTuple):
+    """Lengths as `numbers` takes them: errors of links, take-ups of strips."""
+
+    values: Array
+    gains: Array
+    noise: Array
+    x: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +60,8 @@ class Identified:
         position: Standard deviation of a cup's coordinates, in [m].
         angle: Standard deviation of a cup's tilts, in [rad].
         looks: The scans.
+        likely: Likeliest errors of the strips' lengths by recorded poses, one array of
+            shape (k,) for each scan, in [m].
         strips: Strips over an edge by direction: their stiffnesses, in [N m].
     """
 
@@ -60,6 +73,7 @@ class Identified:
     position: Estimate | None
     angle: Estimate | None
     looks: tuple[Look, ...]
+    likely: tuple[Array, ...]
     strips: dict[str, Array]
 
 
@@ -76,7 +90,8 @@ def identify(measured: Measurements) -> Identified:
     for cups, scan in measured.scans:
         seen = see_cups(cups, scan)
         looks.append(Look(seen, see_strips(seen)))
-    poses = fit([n for one in looks for n in _positions(one, measured.links)])
+    lengths = [numbers(*_lengths(one, measured.links)) for one in looks]
+    poses = fit([*(_heights(one.cups) for one in looks), *lengths])
     angles = fit([_angles(one.cups) for one in looks])
     take_up = _take_up(poses)
     strips: dict[str, Array] = {}
@@ -96,6 +111,7 @@ def identify(measured: Measurements) -> Identified:
         poses.spread,
         angles.spread,
         tuple(looks),
+        tuple(_likely_errors(one, measured.links, poses) for one in looks),
         strips,
     )
 
@@ -111,16 +127,12 @@ def _take_up(poses: Fit) -> Estimate | None:
     return Estimate(value, low, high) if low > 0 else None
 
 
-def _positions(look: Look, links: Links | None) -> list[Numbers]:
-    """Heights of cups; lengths of links, and of strips whose mean is the take-up."""
-    return [_heights(look.cups), _lengths(look, links)]
-
-
 def _heights(seen: SeenCups) -> Numbers:
     """Heights of cups, less what moves all of them: the scan's registration."""
     k = seen.seen
     n, p = seen.cups.rotations[k, :, 2], seen.cups.positions[k]
-    common = np.hstack([n, np.cross(p - p.mean(axis=0), n)])
+    arms = p - p.mean(axis=0)
+    common = np.hstack([n, np.cross(arms / max(arms.std(), TINY), n)])
     rows, left = without(common, seen.heights[k])
     return numbers(left, rows, np.sqrt(rows**2 @ seen.height_sigma[k] ** 2))
 
@@ -133,7 +145,7 @@ def _angles(seen: SeenCups) -> Numbers:
     return numbers(left, rows, np.sqrt(rows**2 @ seen.tilt_sigma[k].ravel() ** 2))
 
 
-def _lengths(look: Look, links: Links | None) -> Numbers:
+def _lengths(look: Look, links: Links | None) -> _Lengths:
     """Errors of links, and take-ups of strips out of the band, in [m].
 
     Both change with errors of the positions in the cups' own planes; what the strips
@@ -157,7 +169,18 @@ def _lengths(look: Look, links: Links | None) -> Numbers:
         noise.append(_link_noise(look.cups, pairs, e, links))
     x = np.zeros(sum(map(len, values)))
     x[: len(take_up)] = 1.0
-    return numbers(np.concatenate(values), np.vstack(gains), np.concatenate(noise), x)
+    return _Lengths(np.concatenate(values), np.vstack(gains), np.concatenate(noise), x)
+
+
+def _likely_errors(look: Look, links: Links | None, poses: Fit) -> Array:
+    """Likeliest errors of the lengths of all strips, given all that was seen."""
+    strips, seen = look.strips, _lengths(look, links)
+    variance = poses.spread.value**2 if poses.spread else 0.0
+    mean = poses.mean.value if poses.mean else 0.0
+    C = variance * seen.gains @ seen.gains.T + np.diag(seen.noise**2)
+    force = np.linalg.solve(C, seen.values - mean * seen.x)
+    errors = variance * seen.gains.T @ force
+    return np.asarray(_gains(look.cups.cups, strips.pairs, strips.tangents) @ errors)
 
 
 def _gains(cups: Cups, pairs: NDArray[np.int64], directions: Array) -> Array:

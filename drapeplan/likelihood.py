@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 LEVEL = 0.95  # [-] of the intervals
 STEPS = 4001  # of the spread, 0.4 % each
 RANGE = 1e-7, 1.0  # of the spread, in the unit of the numbers; a lower end counts as 0
-ALIKE = 1e-9  # [-] of the largest singular value: what is smaller is rounding
+FAINT = 0.03  # [-] of the largest singular value: causes below change next to nothing
+ALIKE = 1e-9  # [-] of the largest: what is smaller is rounding
 
 
 class Numbers(NamedTuple):
@@ -79,7 +80,8 @@ def without(nuisance: Array, values: Array) -> tuple[Array, Array]:
     """What is left of numbers when common causes are taken out.
 
     Args:
-        nuisance: How numbers change with each cause, shape (n, k).
+        nuisance: How numbers change with each cause, shape (n, k), in sizes that can be
+            compared.
         values: Numbers, shape (n,).
 
     Returns:
@@ -87,7 +89,7 @@ def without(nuisance: Array, values: Array) -> tuple[Array, Array]:
         (n - rank, n), and their values.
     """
     U, size, _ = np.linalg.svd(nuisance, full_matrices=True)
-    rank = int((size > ALIKE * size.max(initial=0.0)).sum())
+    rank = int((size > FAINT * size.max(initial=0.0)).sum())
     rows = U[:, rank:].T
     return rows, rows @ values
 

@@ -91,19 +91,20 @@ def _draw_overhangs(axes: Any, found: Identified, measured: Measurements) -> Non
 
 def _draw_band(axes: Any, found: Identified) -> None:
     """Length that strips have against length that cups ask for: the band."""
-    axes.set_title("strips between cups", loc="left")
-    axes.set_xlabel("length that recorded poses ask for, beyond rest (mm)")
-    axes.set_ylabel("length seen between them, beyond rest (mm)")
+    axes.set_title("strips between cups, likeliest poses", loc="left")
+    axes.set_xlabel("length asked for, beyond rest (mm)")
+    axes.set_ylabel("length seen, beyond rest (mm)")
     if not found.looks:
         return
     strips = [one.strips for one in found.looks]
-    asked = MM * np.concatenate([one.asked - one.rest for one in strips])
-    length = MM * np.concatenate([one.length - one.rest for one in strips])
+    off = np.concatenate([one.rest for one in strips]) + np.concatenate(found.likely)
+    asked = MM * (np.concatenate([one.asked for one in strips]) - off)
+    length = MM * (np.concatenate([one.length for one in strips]) - off)
     out = np.concatenate([one.out != 0 for one in strips])
     for chosen, label, color in ((~out, "in the band", GRAY), (out, "out of it", BLUE)):
         x, y = asked[chosen], length[chosen]
         if len(x):
-            axes.scatter(x, y, s=9, color=color, label=f"{len(x)} {label}")
+            axes.scatter(x, y, s=9, color=color, zorder=3, label=f"{len(x)} {label}")
     reach = 1.1 * float(abs(asked).max(initial=0.0))
     if found.take_up and reach:
         x, b = np.linspace(-reach, reach, 400), MM * found.take_up.value

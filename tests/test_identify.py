@@ -96,7 +96,7 @@ def test_strays_and_registration_change_little():
     plain = identify(Measurements(None, ((off, scan),)))
     points = scan.points.copy()
     points[::20] += random.uniform(-5e-3, 5e-3, points[::20].shape)
-    turn = Rotation.from_euler("xyz", [0.4, -0.3, 0.0], degrees=True)
+    turn = Rotation.from_euler("xyz", [0.8, 0.6, 0.0], degrees=True)
     moved = identify(
         Measurements(None, ((off, Scan(turn.apply(points) + np.array([0, 0, 1e-3]))),))
     )
@@ -110,6 +110,26 @@ def test_known_links_pin_the_take_up():
     alone, linked = only(cups), only(cups, links=Links(PITCH, 0.0, 0.05 * MM))
     widths = [one.take_up.high - one.take_up.low for one in (alone, linked)]
     assert widths[1] < widths[0] / 2
+
+
+def test_likeliest_poses_leave_one_take_up():
+    """Raw lengths scatter by the poses; mended ones lie where the band ends."""
+    found = only(cylinder(GRID, 0.28), links=Links(PITCH, 0.0, 0.05 * MM))
+    strips = found.looks[0].strips
+    out = strips.out != 0
+    raw = (strips.length - strips.rest)[out]
+    mended = raw - found.likely[0][out]
+    assert raw.std() > 0.2 * MM
+    assert_allclose(mended, found.take_up.value, atol=0.05 * MM)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 2), (1, 4), (2, 2)])
+def test_few_cups_end_in_words(rows, columns):
+    """Lone rows and pairs: what all cups have in common leaves little or nothing."""
+    found = only(flat(CupGrid(rows, columns, PITCH, 0.02)))
+    assert found.take_up is None
+    assert (found.position is None) == (rows * columns == 2)
+    assert any(line.startswith("take-up: not seen") for line in notes(found))
 
 
 def test_recovery_and_coverage():
