@@ -107,13 +107,14 @@ def scores(
     found: dict[str, dict[str, Score]] = {}
     for case in every:
         times: dict[str, list[float]] = {rung: [] for rung in rungs}
+        offered: dict[str, list[Array]] = {}
         for _ in range(repeats):
             for rung in rungs:
                 start = time.perf_counter()
-                shapes(case, rung)
+                offered[rung] = shapes(case, rung)
                 times[rung].append(time.perf_counter() - start)
         found[case.name] = {
-            rung: _score(case, shapes(case, rung), min(times[rung])) for rung in rungs
+            rung: _score(case, offered[rung], min(times[rung])) for rung in rungs
         }
     return found
 
@@ -121,13 +122,12 @@ def scores(
 def _score(case: Case, offered: list[Array], seconds: float) -> Score:
     rows = []
     for points in offered:
-        errors = [_errors(case, truth, points) for truth in case.truths]
-        rows.append(min(errors))
+        rows.append(min(errors(case, truth, points) for truth in case.truths))
     best = min(rows)
     return Score(*best, rows[0][0] <= best[0] + ALIKE, seconds)
 
 
-def _errors(case: Case, truth: dict, points: Array) -> tuple[float, float, float]:
+def errors(case: Case, truth: dict, points: Array) -> tuple[float, float, float]:
     """Rms and worst normal distance, rms distance of material points, in [mm]."""
     surface = Surface(truth["S"], truth["T"], np.swapaxes(truth["xyz"], 0, 1))
     away = surface.closest(points / MM, case.st).distance
@@ -165,7 +165,7 @@ def rung_shares(every: list[Case]) -> dict[str, float]:
 def noisy_sphere(every: list[Case], seeds: int) -> dict[str, float]:
     """Median rms under pose noise on the 5 x 3 sphere, in [mm]."""
     case = next(case for case in every if case.name == "C_sph2000")
-    rng, errors = np.random.default_rng(0), []
+    rng, found = np.random.default_rng(0), []
     for _ in range(seeds):
         held = _disturbed(case, rng)
         mended = reconcile(case.grid, *held, SIGMA, ANGLE)
@@ -179,10 +179,10 @@ def noisy_sphere(every: list[Case], seeds: int) -> dict[str, float]:
         for where, settings in trials:
             fibers = ply_fibers(case.grid, *where, **settings)  # type: ignore[arg-type]
             points = evaluate(case.grid, fibers, *where, case.st * MM)
-            row.append(min(_errors(case, truth, points)[0] for truth in case.truths))
-        errors.append(row)
+            row.append(min(errors(case, truth, points)[0] for truth in case.truths))
+        found.append(row)
     names = ("paper", "modal", "reconciled")
-    medians = np.median(errors, axis=0).tolist()
+    medians = np.median(found, axis=0).tolist()
     return {
         f"noise_sphere_{name}_median_rms_mm": value
         for name, value in zip(names, medians, strict=True)

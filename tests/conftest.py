@@ -9,9 +9,28 @@ from pathlib import Path
 
 import pytest
 import yaml
+from hypothesis import settings
 
 from drapeplan import cli
 from tests.plans import EXAMPLES, PARABOLOID
+
+SHARED = {  # modules that look at one another's plans
+    **dict.fromkeys(("test_arm_check", "test_plan", "test_resettle"), "panel"),
+    **dict.fromkeys(("test_rest", "test_settling", "test_ply_rows"), "settled"),
+}
+APART = {"test_cli", "test_examples", "test_judge", "test_ladder_truth"}  # long ones
+settings.register_profile("suite", deadline=None)  # others may be at work
+settings.load_profile("suite")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Tests of a module go to one worker, which makes what they share once."""
+    for item in items:
+        name = item.path.stem
+        if name not in APART and not item.get_closest_marker("xdist_group"):
+            group = SHARED.get(name, name)
+            item.add_marker(pytest.mark.xdist_group(group))
 
 
 @dataclass(frozen=True)
@@ -70,13 +89,15 @@ def write_scene(tmp_path):
     return write
 
 
-def measured_plan(folder, seed):
-    """Plan examples/panel.yaml in a process of its own, hashes seeded."""
-    file, log = folder / f"plan{seed}.json", folder / f"log{seed}"
+@pytest.fixture(scope="session")
+def panel_run(tmp_path_factory):
+    """The plan of examples/panel.yaml, made once by a process of its own."""
+    folder = tmp_path_factory.mktemp("panel")
+    file, log = folder / "plan.json", folder / "log"
     command = [sys.executable, "-m", "drapeplan", "plan"]
     command += [str(EXAMPLES / "panel.yaml"), "-o", str(file)]
-    with log.open("w") as out, (folder / f"err{seed}").open("w+") as err:
-        environment = {**os.environ, "PYTHONHASHSEED": str(seed)}
+    with log.open("w") as out, (folder / "err").open("w+") as err:
+        environment = {**os.environ, "PYTHONHASHSEED": "1"}  # another than here
         child = subprocess.Popen(command, stdout=out, stderr=err, env=environment)
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
@@ -87,9 +108,3 @@ def measured_plan(folder, seed):
     return Measured(
         child.returncode, log.read_text(), said, file, seconds, usage.ru_maxrss * unit
     )
-
-
-@pytest.fixture(scope="session")
-def panel_run(tmp_path_factory):
-    """The panel's plan, made once by a process of its own."""
-    return measured_plan(tmp_path_factory.mktemp("panel"), 1)

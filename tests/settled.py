@@ -1,17 +1,20 @@
-"""Small drapes at equilibrium, each settled once in a process."""
+"""Small drapes, each made once in a process."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import yaml
+
 from drapeplan.cell import Cell, build_cell, read_sources
 from drapeplan.motion import Motion, follow
-from drapeplan.planner import Request, make_request, make_track
+from drapeplan.planner import Outcome, Request, make_plan, make_request, make_track
+from drapeplan.scene import scene_from
 from drapeplan.sequence import Sequence, make_sequence
 from drapeplan.settling import Settling, settle_path
 from drapeplan.track import Track
-from tests.plans import scene
+from tests.plans import EXAMPLES, scene
 from urdf.generate import write_tool
 from urdf.spec import ToolSpec
 
@@ -49,6 +52,15 @@ def drape(surface, tool=None, **sections):
     sequence = make_sequence(read.sequence, cell.grid.rows, cell.grid.columns, "test")
     request = make_request(cell, sequence)
     return Drape(cell, sequence, request, follow(cell, request.path))
+
+
+@lru_cache
+def small_panel() -> Outcome:
+    """The kinematic plan of the small tool over the mesh of examples/panel.yaml."""
+    data = yaml.safe_load((EXAMPLES / "panel.yaml").read_text(encoding="utf-8"))
+    with TemporaryDirectory() as folder:
+        data |= {"tool": tool_section(folder), "fidelity": "kinematic"}
+        return make_plan(scene_from(data, "test"), EXAMPLES, "test")
 
 
 @lru_cache

@@ -42,11 +42,12 @@ def folder(tmp_path_factory):
     return path
 
 
-def small_plan(folder, robot):
+def small_plan(folder, robot, fidelity="kinematic"):
     mold = {"kind": "paraboloid", "radius_x_m": 1.5, "radius_y_m": 2.5}
     data = {
         "format": "drapeplan-scene/1",
         "robot": robot,
+        "fidelity": fidelity,
         "tool": {"urdf": "small.urdf"},
         "mold": {"surface": mold, "position_m": [0.55, 0.0, 0.05]},
         "pick": {"position_m": [0.0, 0.6, 0.05], "yaw_deg": 90},
@@ -177,9 +178,12 @@ def test_meshes_that_are_missing_are_told_and_never_good(drape):
     assert not arm_failures(arm, labels(track))
 
 
-@pytest.mark.parametrize("robot", [{"name": "ur5"}, {"urdf": "six.urdf"}])
-def test_other_arms_plan_with_a_tool_of_3_x_4(folder, robot):
-    plan = small_plan(folder, robot)
+@pytest.mark.parametrize(
+    ("robot", "fidelity"),
+    [({"name": "ur5"}, "kinematic"), ({"urdf": "six.urdf"}, "equilibrium")],
+)
+def test_other_arms_plan_with_a_tool_of_3_x_4(folder, robot, fidelity):
+    plan = small_plan(folder, robot, fidelity)
     assert plan.verdict["good"]
     arm = plan.verdict["arm"]
     assert arm["good"] is True
@@ -199,7 +203,8 @@ def test_a_saddle_picked_straight_meets_the_forearm(drapeplan, write_scene, tmp_
     """Carried high past the corner of the table, the platform meets the forearm."""
     saddle = {"kind": "paraboloid", "radius_x_m": 1.8, "radius_y_m": -1.5}
     pick = {"position_m": [0.0, 0.75, 0.2], "yaw_deg": 0}
-    scene = write_scene(mold={"surface": saddle}, pick=pick)
+    mold = {"surface": saddle}
+    scene = write_scene(mold=mold, pick=pick, fidelity="kinematic")
     assert yaml.safe_load(scene.read_text())["mold"]["surface"] == saddle
     ended = drapeplan("plan", scene, "-o", tmp_path / "plan.json")
     assert ended.code == 1

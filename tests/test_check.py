@@ -4,14 +4,14 @@ import pytest
 
 from drapeplan.check import check_plan
 from drapeplan.plan import Plan, document_hash
-from tests.plans import panel
+from tests.settled import small_panel
 
-WAVE = 60  # a waypoint in the middle of the wave
+WAVE = 53  # a waypoint in the middle of the wave
 
 
 @pytest.fixture(scope="module")
 def document():
-    return panel().plan.document
+    return small_panel().plan.document
 
 
 def changed(document, path, change):
@@ -42,8 +42,8 @@ PLACES = {
     "stroke": ["waypoints", WAVE, "strokes_m", 7],
     "leg": ["waypoints", WAVE, "legs", 7, 2],
     "arm": ["waypoints", WAVE, "arm_rad", 3],
-    "position": ["waypoints", WAVE, "position_m", 40, 1],
-    "rotation": ["waypoints", WAVE, "rotation", 40, 0, 1],
+    "position": ["waypoints", WAVE, "position_m", 10, 1],
+    "rotation": ["waypoints", WAVE, "rotation", 10, 0, 1],
     "time": ["waypoints", WAVE, "time_s"],
     "tau": ["waypoints", WAVE, "tau"],
     "target": ["targets", "position_m", 11, 0],
@@ -174,7 +174,7 @@ def drop_waypoints(made):
 def hide_a_jump(made):
     """A waypoint of the wave called an approach, with its cups in the air."""
     made["waypoints"][WAVE]["phase"] = "approach"
-    made["waypoints"][WAVE]["cups"] = "h" * 48
+    made["waypoints"][WAVE]["cups"] = "h" * 12
 
 
 def move_pick(made):

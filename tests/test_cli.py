@@ -1,5 +1,6 @@
 """The program from outside: exit codes, one clear line, whole files or none."""
 
+import copy
 import json
 import os
 import shutil
@@ -14,10 +15,10 @@ from numpy.testing import assert_allclose
 
 from drapeplan import cli
 from drapeplan.files import write_text
-from tests.conftest import measured_plan
-from tests.plans import BOWL, EXAMPLES, PARABOLOID
+from tests.plans import BOWL, EXAMPLES, PARABOLOID, panel
+from tests.settled import small_panel, tool_section
 
-HELP_SECONDS = 1.0  # [s] the aim is 0.4; the best of five on a busy machine
+HELP_SECONDS = 1.0  # [s] of the processor; the aim is 0.4
 PLAN_SECONDS = 30.0  # [s] of the processor, kernels compiled on the way; the aim is 15
 PLAN_BYTES = 1e9  # [B] peak memory of a plan, which no load changes
 ANCHORED = 1e-3  # [m] landed cup from its placement: nets drift along the wave
@@ -68,7 +69,6 @@ CASES = [
     surface(2, "radius_m", "0.01 to 1e6", kind="sphere", radius_m=1e-300),
     surface(2, "radius_m", "0.01 to 1e6", kind="cylinder", radius_m=-1e300),
     surface(2, "relief", "at most", kind="kindrape", relief=1e300),
-    surface(1, "cup", kind="paraboloid", radius_x_m=0.2, radius_y_m=0.2),
     surface(1, "cup", kind="sphere", radius_m=0.2),
     surface(1, "cup", kind="cylinder", radius_m=0.2),
     surface(1, "cup", kind="sphere", radius_m=-0.2),
@@ -85,20 +85,30 @@ CASES = [
 
 
 @pytest.mark.parametrize(("sections", "code", "words"), CASES)
-def test_bad_scene_gets_one_clear_line(
-    drapeplan, write_scene, tmp_path, sections, code, words
-):
-    scene, output = write_scene(**sections), tmp_path / "out" / "plan.json"
-    ended = drapeplan("plan", scene, "-o", output)
+def test_bad_scene_gets_one_clear_line(drapeplan, write_scene, sections, code, words):
+    refused(drapeplan, write_scene(**sections), code, words)
+
+
+def test_short_fibers_get_one_clear_line(drapeplan, write_scene, tmp_path_factory):
+    tight = {"kind": "paraboloid", "radius_x_m": 0.2, "radius_y_m": 0.2}
+    tool = tool_section(tmp_path_factory.mktemp("tool"))
+    scene = write_scene(mold={"surface": tight}, tool=tool)
+    refused(drapeplan, scene, 1, ["a fiber between cup (", "too short"])
+
+
+def refused(drapeplan, scene, code, words):
+    """A scene alone in its folder ends in one line, and nothing is written."""
+    folder = scene.parent
+    ended = drapeplan("plan", scene, "-o", folder / "out" / "plan.json")
     assert ended.code == code, ended.err
     assert ended.line.startswith("not drapable: " if code == 1 else "error: ")
     assert all(word in ended.line for word in words), ended.line
     assert "Traceback" not in ended.err
     if code == 2:
         assert len(ended.err.splitlines()) == 1
-        assert str(tmp_path) in ended.line  # names the file
+        assert str(folder) in ended.line  # names the file
     assert ended.out == ""
-    assert sorted(tmp_path.iterdir()) == [scene]  # nothing written, nothing left over
+    assert sorted(folder.iterdir()) == [scene]  # nothing left over
 
 
 @pytest.mark.parametrize(
@@ -139,27 +149,10 @@ def test_mesh_in_another_unit(drapeplan, write_scene, tmp_path, factor, unit, re
     assert not (tmp_path / "plan.json").exists()
 
 
-def test_border_ring_first_names_interlink_and_air_pocket(drapeplan, tmp_path):
-    output = tmp_path / "plan.json"
-    ended = drapeplan("plan", EXAMPLES / "border_first.yaml", "-o", output, "--json")
-    assert ended.code == 1
-    assert "rigid interlinks cannot reach it" in ended.line
-    assert "cup (" in ended.line
-    assert not output.exists()  # no waypoints exist beyond what the links reach
-    pockets = [line for line in ended.err.splitlines() if "an air pocket of" in line]
-    assert len(pockets) == 1
-    for word in (" cm2", " cm3", "near cup (", "mm)"):
-        assert word in pockets[0]
-    report = ended.document["report"]
-    events = report["front_on_requested_poses"]["events"]
-    areas = [event for event in events if "pocket" in str(event).lower()]
-    assert areas
-    assert ended.document["exit_code"] == 1
-
-
 def test_hover_too_low_over_a_bowl_penetrates(drapeplan, write_scene, tmp_path):
     scene = write_scene(
         mold={"surface": BOWL},
+        tool=tool_section(tmp_path),
         path={"family": "hover", "height_mm": 5.0},
         fidelity="kinematic",
     )
@@ -378,7 +371,8 @@ def test_tool_of_another_size_is_planned(drapeplan, write_scene, tmp_path):
     ]
     folder = tmp_path / "Szenen ü"
     folder.mkdir()
-    scene = write_scene(folder, tool={"urdf": "../tools/small.urdf"})
+    tool = {"urdf": "../tools/small.urdf"}
+    scene = write_scene(folder, tool=tool, fidelity="kinematic")
     output, figure = tmp_path / "new" / "plan ü.json", tmp_path / "new" / "touch.png"
     ended = drapeplan("plan", scene, "-o", output, "--figure", figure, "--json")
     assert (ended.code, ended.err) == (0, "")
@@ -399,13 +393,14 @@ def test_tool_of_another_size_is_planned(drapeplan, write_scene, tmp_path):
 def test_ply_hung_from_its_corner_cup(drapeplan, write_scene, tmp_path, warp_deg):
     """An analytic mold reaches around the ply wherever a placement puts it."""
     turn = np.radians(warp_deg)
-    corner = np.array([-2.5, -3.5]) * 0.11  # [m] of cup (0, 0) from the ply's middle
+    corner = np.array([-1.0, -1.5]) * 0.11  # [m] of cup (0, 0) from the ply's middle
     x, y = (
         np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ corner
     )
     placement = {"cup": [0, 0], "mold_point_m": [float(x), float(y)]}
     placement["warp_deg"] = warp_deg
-    scene = write_scene(placement=placement, fidelity="kinematic")
+    tool = tool_section(tmp_path)
+    scene = write_scene(placement=placement, tool=tool, fidelity="kinematic")
     output = tmp_path / "plan.json"
     ended = drapeplan("plan", scene, "-o", output)
     assert (ended.code, ended.err) == (0, "")
@@ -414,9 +409,8 @@ def test_ply_hung_from_its_corner_cup(drapeplan, write_scene, tmp_path, warp_deg
 
 
 @pytest.mark.parametrize("key", ["mold", "waypoints", "targets", "verdict"])
-@together
-def test_preview_of_parts_that_do_not_fit(drapeplan, panel_run, tmp_path, key):
-    document = json.loads(panel_run.file.read_text())
+def test_preview_of_parts_that_do_not_fit(drapeplan, tmp_path, key):
+    document = copy.deepcopy(small_panel().plan.document)
     if key == "waypoints":
         document[key] = document[key][:1]
     elif key == "targets":
@@ -444,15 +438,19 @@ def test_panel_in_time_and_memory(panel_run):
 
 @together
 def test_same_bytes_twice(panel_run, tmp_path):
-    again = measured_plan(tmp_path, 2)
-    assert again.code == 0
-    assert again.file.read_bytes() == panel_run.file.read_bytes()
+    """In a process of its own and in this one, whose hashes have another seed."""
+    panel().plan.write(tmp_path / "plan.json")
+    assert (tmp_path / "plan.json").read_bytes() == panel_run.file.read_bytes()
 
 
 @together
 def test_check_and_preview_of_the_panel(drapeplan, panel_run, tmp_path):
-    ended = drapeplan("check", panel_run.file, "--json")
+    """The picture is made from the plan alone, and the plan is left as it is."""
+    before, figure = panel_run.file.read_bytes(), tmp_path / "new" / "touch.png"
+    ended = drapeplan("check", panel_run.file, "--figure", figure, "--json")
     assert (ended.code, ended.err) == (0, "")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert panel_run.file.read_bytes() == before
     found = ended.document
     assert found["good"]
     assert found["broken"] == found["differing"] == found["violated"] == []
@@ -478,14 +476,11 @@ def test_help_loads_nothing_heavy_and_is_quick():
         "print(*sys.modules, file=sys.stderr)"
     )
     command = [sys.executable, "-c", script]
-    seconds = []
-    for _ in range(5):
-        start = time.perf_counter()
-        ended = subprocess.run(command, capture_output=True, text=True, check=True)
-        seconds.append(time.perf_counter() - start)
+    before = sum(os.times()[2:4])
+    ended = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert sum(os.times()[2:4]) - before < HELP_SECONDS
     assert "preview" in ended.stdout
     assert not HEAVY & set(ended.stderr.split())
-    assert min(seconds) < HELP_SECONDS
 
 
 def test_reader_that_leaves_early():
@@ -502,11 +497,12 @@ def test_freely_given_steps_plan_with_the_default_path(
     drapeplan, write_scene, tmp_path
 ):
     """They hover and are pressed down: the start cup by its own stroke."""
-    start = np.array([3, 2])
-    cups = np.stack(np.divmod(np.arange(48), 6), axis=1)
+    start = np.array([1, 1])
+    cups = np.stack(np.divmod(np.arange(12), 3), axis=1)
     ring = np.abs(cups - start).max(axis=1)
     steps = [cups[ring == k].tolist() for k in range(ring.max() + 1)]
-    scene = write_scene(sequence={"steps": steps}, fidelity="kinematic")
+    tool = tool_section(tmp_path)
+    scene = write_scene(sequence={"steps": steps}, tool=tool, fidelity="kinematic")
     ended = drapeplan("plan", scene, "-o", tmp_path / "plan.json")
     assert (ended.code, ended.err) == (0, "")
     waypoints = json.loads((tmp_path / "plan.json").read_text())["waypoints"]

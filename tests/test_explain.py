@@ -1,15 +1,25 @@
+from functools import cache
+
 import numpy as np
 import pytest
 
 from drapeplan.explain import explain, explain_rows
 from drapeplan.relaxation import OpenRow, RowKind
+from drapeplan.robot import Robot
 from drapeplan.strokes import StrokeSolution, StrokeStatus
-from tests.plans import panel
+from urdf import read_tool
+from urdf.arm import read_arm
+
+
+@cache
+def array():
+    """The arm with the tool of 6 x 8 cups."""
+    return Robot(read_arm("ur10"), *read_tool("drape_tool_6x8"))
 
 
 def solution(**changes):
     """A solution that breaks nothing, but for what is given."""
-    robot = panel().plan.cell.robot
+    robot = array()
     parts = {
         "closure": np.zeros(82),
         "chord_excess": np.full(164, -1e-3),
@@ -25,7 +35,7 @@ def solution(**changes):
 def reason(landing=(), **changes):
     mask = np.zeros(48, bool)
     mask[list(landing)] = True
-    return explain(panel().plan.cell.robot, solution(**changes), mask)
+    return explain(array(), solution(**changes), mask)
 
 
 def test_nothing_broken_has_no_reason():
@@ -82,7 +92,7 @@ def test_a_landing_cup_must_meet_its_angle():
 
 
 def test_the_worst_of_several_rows_speaks_for_all():
-    robot = panel().plan.cell.robot
+    robot = array()
     column = int(robot.leg_columns[9, 2])
     rows = [
         OpenRow(RowKind.LIMIT, column, 2e-3, 2.0),
@@ -99,7 +109,7 @@ def test_the_worst_of_several_rows_speaks_for_all():
 
 
 def test_a_rate_is_named_with_what_gives_time():
-    robot = panel().plan.cell.robot
+    robot = array()
     row = OpenRow(RowKind.RATE, int(robot.leg_columns[47, 0]), np.radians(2), 1.0)
     what, excess, remedy = explain_rows(robot, [row])
     assert what == "cup (7, 5): joint leg_7_5_ux passes its speed limit"

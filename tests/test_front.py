@@ -233,13 +233,14 @@ def test_flips_and_transposes_change_nothing(number, flip):
         assert_allclose(getattr(turned, name), getattr(mine, name), atol=ROUNDING)
     assert_array_equal(turned.pocket_region, turn(mine.pocket_region))
     assert_array_equal(turned.premature_region, turn(mine.premature_region))
-    sizes = [
-        sorted((e.kind.value, e.area, e.volume, e.depth) for e in v.events)
-        for v in (mine, turned)
-    ]
-    assert [row[0] for row in sizes[0]] == [row[0] for row in sizes[1]]
-    for one, other in zip(*sizes, strict=True):
-        assert_allclose(one[1:], other[1:], atol=ROUNDING)
+    events = [sorted(v.events, key=lambda e: e.kind.value) for v in (mine, turned)]
+    assert [e.kind for e in events[0]] == [e.kind for e in events[1]]
+    for one, other in zip(*events, strict=True):
+        alike = ["area", "volume", "depth"]
+        if one.kind is EventKind.PREMATURE:  # of several as large, any one is told
+            alike = ["area"]
+        for name in alike:
+            assert_allclose(getattr(one, name), getattr(other, name), atol=ROUNDING)
 
 
 # ---------------------------------------------------------------- depth

@@ -86,12 +86,3 @@ def test_ply_that_never_or_at_once_touches(tmp_path, value):
     pixels = draw(tmp_path / "figure.png", first_touch=first_touch)
     gray = np.array([227, 227, 227]) / 255
     assert (share(pixels, gray) > 0.2) == np.isinf(value)
-
-
-def test_check_draws_the_first_touch_of_a_plan(drapeplan, panel_run, tmp_path):
-    """The picture is made from the plan alone, and the plan is left as it is."""
-    before, figure = panel_run.file.read_bytes(), tmp_path / "new" / "touch.png"
-    ended = drapeplan("check", panel_run.file, "--figure", figure)
-    assert ended.code == 0
-    assert figure.read_bytes().startswith(b"\x89PNG")
-    assert panel_run.file.read_bytes() == before

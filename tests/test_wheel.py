@@ -14,6 +14,7 @@ SCENE = """\
 format: drapeplan-scene/1
 mold: {surface: {kind: paraboloid, radius_x_m: 1.2, radius_y_m: 2.5}}
 tool: {urdf: small.urdf}
+fidelity: kinematic
 """
 PLACES = """\
 import drapeplan.planner, ply, urdf, viewer.page

@@ -38,6 +38,7 @@ def test_every_rung_is_scored():
     assert all(set(row) == set(RUNGS) for row in found.values())
 
 
+@cache
 def drawn(grid, relief, seed):
     """Poses on random quadrics, some lifted, turned or slack; fibers as they are."""
     rng = np.random.default_rng(seed)
