@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from drapeplan.cantilever import EARTH, hanging_strips, load_of_drop
-from drapeplan.cups_file import Cups
+from drapeplan.cantilever import hanging_strips, load_of_drop
+from drapeplan.cups_file import EARTH, Cups
 from drapeplan.identify import Identified, identify
 from drapeplan.identify_file import Cantilever, Links, Measurements, Overhangs
 from drapeplan.noise import YAW

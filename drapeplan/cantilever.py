@@ -20,9 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from drapeplan.cups_file import EARTH
+
 Array = NDArray[np.float64]
 
-EARTH = 9.81  # [m/s^2]
 TIPS = np.linspace(0.0, 1.5, 61)[1:]  # [rad] of the strips that the splines go through
 FARTHEST = 10.0  # [-] from the free end to the clamp: 6 at the steepest of the tips
 EXACT = 1e-11  # [-] tolerance of the integration

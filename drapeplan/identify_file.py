@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from drapeplan.cantilever import load_of_drop, load_of_incline, steepest
-from drapeplan.cups_file import Cups, read_cups
+from drapeplan.cups_file import MM, Cups, read_cups
 from drapeplan.errors import InputError
 from drapeplan.reading import first_mistake, read_yaml
 from drapeplan.scan import Scan, read_scan
 
 Array = NDArray[np.float64]
 
-MM = 1e-3  # [m]
 FEWEST = 3  # repeats of a direction: two show no spread worth the name
 LEAST_DROP = 0.02  # [-] of the overhang: below it, reading errors decide
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drapeplan.cantilever import EARTH
+from drapeplan.cups_file import EARTH
 from drapeplan.identify import Identified, Look
 from drapeplan.likelihood import Estimate
 from ply.gravity import clamped_sag

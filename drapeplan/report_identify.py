@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from drapeplan.cantilever import EARTH, load_of_drop, steepest
+from drapeplan.cantilever import load_of_drop, steepest
+from drapeplan.cups_file import EARTH
 from drapeplan.files import write_bytes
 from drapeplan.identify import Identified
 from drapeplan.identify_file import Measurements

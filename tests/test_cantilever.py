@@ -6,12 +6,12 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_bvp
 
 from drapeplan.cantilever import (
-    EARTH,
     bending_stiffness,
     load_of_drop,
     load_of_incline,
     steepest,
 )
+from drapeplan.cups_file import EARTH
 
 SPLINE = 1e-6  # [-] of a load: between the strips of the table
 
