@@ -84,6 +84,36 @@ def test_colors_of_the_gap_are_the_published_maps(name):
     assert_allclose(colors.gap_colors(name)[1:], published, atol=COLOR)
 
 
+MACHADO = {
+    "full": np.eye(3),
+    "protan": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deutan": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritan": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}  # what is seen of linear red, green and blue [Machado2009]
+APART = 30  # [CIELAB] between two colors that nobody takes for the same
+
+
+def lightness(color, sight):
+    """CIELAB of colors from 0 to 255 as a sight has them, shape (..., 3)."""
+    linear = (np.asarray(color) / 255.0) ** 2.2 @ np.array(MACHADO[sight]).T
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722]]
+    to_xyz += [[0.0193, 0.1192, 0.9505]]
+    x, y, z = np.moveaxis(
+        np.cbrt(np.clip(linear, 1e-3, 1) @ np.transpose(to_xyz) / [0.95, 1, 1.09]),
+        -1,
+        0,
+    )
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+
+
+@pytest.mark.parametrize("sight", MACHADO)
+@pytest.mark.parametrize("name", colors.MAPS)
+def test_penetration_looks_like_no_gap(name, sight):
+    penetration, *scale = lightness(colors.gap_colors(name).astype(float), sight)
+    assert np.linalg.norm(scale - penetration, axis=-1).min() > APART
+    assert np.all(np.diff(np.array(scale)[:, 0]) > -0.5)  # lighter with the gap
+
+
 @given(st.floats(1e-3, 1e3))
 def test_grid_spacing_is_round_and_sparse(extent):
     spacing = geometry.round_spacing(extent)

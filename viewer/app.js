@@ -31,7 +31,7 @@ const extensions = [];
 
 class App {
   constructor(book, view) {
-    Object.assign(this, { book, pose: 0, view: null, tags: "landing", palette: null });
+    Object.assign(this, { book, pose: 0, view: null, palette: null });
     this.listeners = { pose: [], look: [], hover: [], click: [] };
     document.title = book.drapes.map(({ title }) => title).join(" | ");
     document.body.dataset.drapes = book.drapes.length;
@@ -141,13 +141,11 @@ class App {
       set(true);
     }
     byId("names").onchange = () => {
-      this.tags = byId("names").value;
-      for (const { viewer } of this.drapes) viewer.set_dirty();
+      for (const drape of this.drapes) {
+        drape.tags = byId("names").value;
+        drape.viewer.set_dirty();
+      }
     };
-    for (const drape of this.drapes) {
-      const render = drape.viewer.render.bind(drape.viewer);
-      drape.viewer.render = () => { render(); drawTags(drape, this.tags); };
-    }
   }
 
   /** When window or time line change their size, the drapes are framed anew. */

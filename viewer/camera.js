@@ -75,7 +75,7 @@ function placeCamera(drape, preset) {
   camera.far = distance + 8 * size;
   const x = (inset.right - inset.left) / 2, y = (inset.bottom - inset.top) / 2;
   camera.setViewOffset(width, height, x, y, width, height);
-  drape.home = { target: target.clone(), distance };
+  drape.home = { target: target.clone(), distance, size };
   viewer.controls.update();
   viewer.set_dirty();
 }

@@ -45,7 +45,7 @@ VIRIDIS = (
     (253, 231, 37),
 )  # likewise [van der Walt and Smith, 2015]
 MAPS = {"Cividis": CIVIDIS, "Viridis": VIRIDIS}  # both rise evenly in lightness
-PENETRATION = (204, 121, 167)  # Okabe-Ito reddish purple: not a color of Cividis
+PENETRATION = (255, 0, 255)  # magenta: far from both maps for every kind of sight
 
 
 class CupState(NamedTuple):

@@ -63,8 +63,8 @@ function drawLabel(ink, [left, top], text, paper, color, taken = []) {
 }
 
 /** Names at the cups, "landing" of those that land, "all" of every cup, and the marks'. */
-function drawTags(drape, mode) {
-  const { cups, marks, pose, book } = drape, canvas = drape.dom.tags, ink = canvas.getContext("2d");
+function drawTags(drape) {
+  const { cups, marks, pose, book, tags: mode } = drape, canvas = drape.dom.tags, ink = canvas.getContext("2d");
   canvas.width = canvas.clientWidth * devicePixelRatio;
   canvas.height = canvas.clientHeight * devicePixelRatio;
   ink.scale(devicePixelRatio, devicePixelRatio);

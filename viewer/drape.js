@@ -10,7 +10,7 @@ class Drape {
    */
   constructor(book, view, index) {
     this.plan = book.drapes[index];
-    Object.assign(this, { book, view, index, letter: "AB"[index] ?? String(index + 1), pose: 0, home: null });
+    Object.assign(this, { book, view, index, letter: "AB"[index] ?? String(index + 1), pose: 0, home: null, tags: "landing" });
     this.dom = this.addColumn();
     const { pane } = this.dom, { plan } = this;
     const viewer = (this.viewer = new MeshCat.Viewer(pane));
@@ -26,6 +26,20 @@ class Drape {
     this.shown = [this.ply, this.front, this.marks, this.cups, this.bodies];
     lightStage(viewer, plan.boxes.drape);
     viewer.set_3d_pane_size();
+    const render = viewer.render.bind(viewer);
+    viewer.render = () => {
+      this.clearAir();
+      render();
+      drawTags(this);
+    };
+  }
+
+  /** The floor fades into the background, whatever the camera's distance. */
+  clearAir() {
+    if (!this.home) return;
+    const away = this.viewer.camera.position.distanceTo(this.home.target), { fog } = this.viewer.scene;
+    fog.near = away + 0.4 * this.home.size;
+    fog.far = away + 1.8 * this.home.size;
   }
 
   /** Header and pane of the drape, from the page's template. */

@@ -3,8 +3,8 @@
 const KINDS = {
   premature_contact: { name: "Premature contact", symbol: "▲", color: "#D55E00" },
   air_pocket: { name: "Air pocket", symbol: "◉", color: "#E69F00" },
-  penetration: { name: "Penetration", symbol: "▼", color: "#CC79A7" },
-  pad_penetration: { name: "Pad penetrates", symbol: "▽", color: "#CC79A7" },
+  penetration: { name: "Penetration", symbol: "▼", color: "#FF00FF" },
+  pad_penetration: { name: "Pad penetrates", symbol: "▽", color: "#FF00FF" },
   tight_fiber: { name: "Fiber too short", symbol: "↔", color: "#E8432E" },
   slack_fiber: { name: "Fiber too long", symbol: "∿", color: "#E8432E" },
 };

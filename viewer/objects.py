@@ -23,7 +23,7 @@ PLATFORM |= {"depthWrite": False}
 EDGES = {"color": 0x4B5663}
 NECK = {"color": 0x8B949E, "side": 2}
 ARM = {"vertexColors": True, "shininess": 18, "side": 2}
-GROUND = {"color": 0xE6EAED, "side": 2}
+GROUND = {"color": 0xC4C8CB, "emissive": 0x34373A, "side": 2}  # hardly a spot of light
 TABLE = {"color": 0xD3D9DE, "side": 2}
 BACKGROUND = ((1.0, 1.0, 1.0), (0.90, 0.92, 0.94))  # top and bottom
 
@@ -120,9 +120,9 @@ def surroundings(view: PlanView) -> list[Command]:
         show("/Lights/SpotLight/<object>", "intensity", 0.42),
     ]
     level, cell = floor_level(view), geometry.cell_box(view)
-    reach = 1.5 * float(np.max(cell[1] - cell[0]))
+    reach = 8 * float(np.max(cell[1] - cell[0]))  # it fades before it ends
     middle = cell.mean(axis=0)
-    low = [middle[0] - reach, middle[1] - reach, level - 0.01 * reach]
+    low = [middle[0] - reach, middle[1] - reach, level - 0.002 * reach]
     high = [middle[0] + reach, middle[1] + reach, level]
     commands.append(box("/meshcat/floor", np.array([low, high]), GROUND))
     if view.table is not None:

@@ -18,6 +18,7 @@ function lightStage(viewer, box) {
   light.target = new T.Object3D();
   light.target.position.set(...middle);
   viewer.scene.add(light.target);
+  viewer.scene.fog = new T.Fog(0xf2f4f6);
   viewer.scene_tree.find(["meshcat"]).object.traverse((o) => { o.castShadow = false; });
 }
 
