@@ -141,13 +141,14 @@ def show_verdict(
     )
     print(f"  {touch_sentence(verdict['touch'])}")
     print(
-        f"  Strokes {low:.0f} to {high:.0f} mm; "
+        f"  Strokes {low:.0f} to {high:.0f} mm, "
+        f"{limits['least_stroke_room_mm']:.0f} mm from the nearest end; "
         f"{limits['least_joint_room_deg']:.1f} deg to the nearest joint limit."
     )
     print(
-        f"  Fibers need {-fibers['largest_surplus_mm']:+.2f} to "
-        f"{fibers['longest_need_mm']:+.2f} mm of a take-up of "
-        f"{fibers['take_up_mm']:g} mm."
+        f"  Fibers have up to {max(0.0, fibers['largest_surplus_mm']):.2f} mm too much "
+        f"between cups and {max(0.0, fibers['longest_need_mm']):.2f} mm too little; "
+        f"the weave takes up {fibers['take_up_mm']:g} mm."
     )
     print(f"  Mold: {verdict['mold']}.")
     for line in ply_sentences(verdict["ply_model"]):

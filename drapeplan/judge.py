@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from drapeplan.arm_check import judge_arm
 from drapeplan.cell import Cell
-from drapeplan.closures import Chords, Closures
+from drapeplan.closures import Closures
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.frames import inverse, moved, rotation_vectors
+from drapeplan.length_gate import judge_lengths
 from drapeplan.motion import ALIGNED, CLOSED, LANDED, LIMIT
 from drapeplan.overhang import OverhungGrid
 from drapeplan.rest import judge_rest
@@ -19,15 +20,12 @@ from drapeplan.sequence import Sequence
 from drapeplan.touch import judge_touch
 from drapeplan.track import Track
 from drapeplan.verdict import FrontVerdict
-from ply.fiber import LengthStatus, bubble_height
-from ply.shape import PlyFibers
 
 Array = NDArray[np.float64]
 
 INSTANT = 1e-6  # [s] times are rounded to microseconds
 RATE = 1e-6  # [-] share by which a rate may pass its limit: rounded times
 DIGITS = 9  # decimals of the numbers in a verdict
-EDGES = [0, -1]  # fibers of a strip over which chords are measured
 
 
 def judge(
@@ -51,7 +49,7 @@ def judge(
         "landing": _landing(positions, rotations, placed, targets),
         "laid": _laid(cell, contact),
         "limits": _limits(track),
-        "fibers": _fibers(cell, track, contact.fibers),
+        "fibers": judge_lengths(cell, track, contact.fibers),
         "arm": judge_arm(cell, track),
         "touch": judge_touch(track, cell.scene.tolerance.touch_mm * 1e-3),
     }
@@ -167,58 +165,6 @@ def _limits(track: Track) -> dict[str, Any]:
         "stroke_range_mm": [_number(1e3 * strokes.min()), _number(1e3 * strokes.max())],
         "largest_rate_share": _number(share),
     }
-
-
-def _fibers(cell: Cell, track: Track, fibers: PlyFibers) -> dict[str, Any]:
-    """Fiber lengths that the held ply asks for, against the take-up band."""
-    L, take_up = cell.sampling.grid.span, cell.scene.ply.take_up_mm * 1e-3
-    poses = [pose[: len(fibers.s_natural)] for pose in track.poses]
-    chords = Chords(track.robot).values(*poses)
-    natural = _joined(fibers.s_natural[..., EDGES], fibers.t_natural[..., EDGES])
-    band = _joined(fibers.s_band[..., EDGES], fibers.t_band[..., EDGES])
-    change = natural - L
-    outside = band != LengthStatus.IN_BAND
-    guilty = np.flatnonzero(outside.any(axis=0))
-    names = [_fiber_name(cell, int(i)) for i in guilty]
-    slack = np.maximum(0.0, L - take_up - natural.min(axis=0))
-    return {
-        "good": not guilty.size,
-        "take_up_mm": cell.scene.ply.take_up_mm,
-        "longest_need_mm": _number(1e3 * change.max()),
-        "largest_surplus_mm": _number(-1e3 * change.min()),
-        "longest_chord_mm": _number(1e3 * chords.max()),
-        "infeasible": [
-            {
-                "fiber": name,
-                "waypoint": int(outside[:, i].argmax()),
-                "need_mm": _number(1e3 * change[:, i].max()),
-                "surplus_mm": _number(-1e3 * change[:, i].min()),
-                "bubble_mm": _number(1e3 * float(bubble_height(slack[i], L))),
-            }
-            for name, i in zip(names, guilty, strict=True)
-        ],
-    }
-
-
-def _joined(s: NDArray[Any], t: NDArray[Any]) -> NDArray[Any]:
-    """Both families in the order of the chords, (K, ...) to (K, n_fibers)."""
-    return np.concatenate([s.reshape(len(s), -1), t.reshape(len(t), -1)], axis=1)
-
-
-def _fiber_name(cell: Cell, index: int) -> str:
-    """Words for a fiber: family, cups and side."""
-    grid = cell.grid
-    pair, side = divmod(index, 2)
-    along_s = grid.rows * (grid.columns - 1)
-    if pair < along_s:
-        i, j = divmod(pair, grid.columns - 1)
-        ends = f"({i}, {j})-({i}, {j + 1})"
-    else:
-        i, j = divmod(pair - along_s, grid.columns)
-        ends = f"({i}, {j})-({i + 1}, {j})"
-    family = "s" if pair < along_s else "t"
-    sign = "-" if side == 0 else "+"
-    return f"{family} fiber {ends}, {sign}{1e3 * grid.half_width:g} mm"
 
 
 def _steps(

@@ -296,8 +296,10 @@ def _require(net: Net, surface: AbstractSurface) -> None:
     if len(off):
         i, j = divmod(int(off[0]), net.columns)
         x, y = net.xy[off[0]] * 1e3
+        more = f", as would {len(off) - 1} more" if len(off) > 1 else ""
         raise InfeasibleError(
-            f"cup ({i}, {j}) would land off the mold, at x = {x:.0f} mm, "
-            f"y = {y:.0f} mm",
-            remedy="place the ply elsewhere or use a larger mold",
+            f"cup ({i}, {j}) would land off the mold, beyond its edge or over a hole, "
+            f"at x = {x:.0f} mm, y = {y:.0f} mm{more}",
+            remedy="place the ply elsewhere (placement.mold_point_m, warp_deg), or use "
+            "a larger mold or a smaller tool",
         )

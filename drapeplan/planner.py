@@ -186,16 +186,6 @@ def cup_targets(cell: Cell) -> Net:
         place.cup,
         float(np.radians(place.warp_deg)),
     )
-    beside = np.flatnonzero(~cell.mold.inside(net.xy[:, 0], net.xy[:, 1]))
-    if beside.size:
-        i, j = divmod(int(beside[0]), grid.columns)
-        x, y = 1e3 * net.xy[beside[0]]
-        what = (
-            f"the target of cup ({i}, {j}) lies beside the mold, at ({x:.0f}, {y:.0f})"
-        )
-        more = f" mm, as do {beside.size - 1} others" if beside.size > 1 else " mm"
-        remedy = "a larger mold, a smaller tool or another placement would help"
-        raise InfeasibleError(what + more, "", remedy)
     most = cell.scene.tolerance.laid_bridge_mm * 1e-3
     edges = pads_over_edges(cell.mold, net.xy, grid.half_width, most)
     if edges:

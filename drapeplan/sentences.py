@@ -7,7 +7,7 @@ import numpy as np
 
 from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict, Spot
 
-NEAR = 0.05  # [m] margins beyond are no danger, and the largest ones are cut off
+NEAR = 0.01  # [m] margins beyond are no danger
 SHOWN = 5e-6  # [m] half of the last decimal that a sentence shows
 REMEDIES = {
     EventKind.PREMATURE: "lift the cups outside the front further, or turn them toe-up",
@@ -48,7 +48,10 @@ def sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
     else:
         verdict_line = f"In order: the ply touches the mold outward from {start}."
     lines = [verdict_line]
-    lines += [f"{labels[event.pose]}: {_event(event)}." for event in verdict.events]
+    known: set[EventKind] = set()
+    for event in verdict.events:
+        lines.append(f"{labels[event.pose]}: {_event(event, event.kind in known)}.")
+        known.add(event.kind)
     for spot, what in (
         (verdict.worst_premature, "a premature contact"),
         (verdict.worst_air, "an air pocket"),
@@ -57,7 +60,7 @@ def sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
             lines.append(f"Nothing comes near {what}.")
         elif spot.pose is not None and spot.value > 0:
             when, how_near = labels[spot.pose], _mm(spot.value)
-            lines.append(f"Nearest to {what}: {how_near} left, {when}, {_near(spot)}.")
+            lines.append(f"Nearest to {what}: {how_near} left, {when}, {near(spot)}.")
     return lines + _laid_sentences(verdict, labels)
 
 
@@ -127,9 +130,9 @@ def _coupling_sentences(
 def _laid_sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
     """The laid state, and what casts doubt on the verdict."""
     high, low = verdict.highest, verdict.lowest
-    line = f"Laid, the ply bridges up to {_mm(max(high.value, 0.0))} {_near(high)}"
+    line = f"Laid, the ply bridges up to {_mm(max(high.value, 0.0))} {near(high)}"
     if low.value < -SHOWN:
-        line += f" and sinks up to {_mm(-low.value)} {_near(low)}"
+        line += f" and sinks up to {_mm(-low.value)} {near(low)}"
     lines = [f"{line}."]
     k = int(np.argmax(verdict.laid_deviation))
     deviation = verdict.laid_deviation[k]
@@ -146,9 +149,9 @@ def _laid_sentences(verdict: FrontVerdict, labels: Sequence[str]) -> list[str]:
     return lines
 
 
-def _event(event: FrontEvent) -> str:
-    """One event as half a sentence with its remedy."""
-    where = _near(event)
+def _event(event: FrontEvent, again: bool) -> str:
+    """One event as half a sentence: the first of its kind with its remedy."""
+    where = near(event)
     area, volume, depth = _area(event.area), _volume(event.volume), _mm(event.depth)
     what = {
         EventKind.PREMATURE: f"the ply touches {area} {where}, apart from the contact "
@@ -159,12 +162,16 @@ def _event(event: FrontEvent) -> str:
         f"mold {where}, over {area}",
         EventKind.PAD_PENETRATION: f"a landing cup is pressed {depth} into the mold "
         f"{where}, over {area}",
-    }
-    return f"{what[event.kind]}: {REMEDIES[event.kind]}"
+    }[event.kind]
+    return f"at its worst, {what}" if again else f"{what}: {REMEDIES[event.kind]}"
 
 
-def _near(place: FrontEvent | Spot) -> str:
-    """Nearest cup and material coordinates."""
+def near(place: FrontEvent | Spot) -> str:
+    """Nearest cup and material coordinates, in words.
+
+    Args:
+        place: An event, or a value with its place.
+    """
     s, t = (1e3 * x for x in place.place_st)
     return f"near {_cup(place.cup)} (s {s:.0f}, t {t:.0f} mm)"
 

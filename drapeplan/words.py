@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from drapeplan.arm_words import arm_failures
 from drapeplan.path import CupState
-from drapeplan.sentences import sentences
+from drapeplan.sentences import near, sentences
 from drapeplan.track import Track
 from drapeplan.verdict import FrontVerdict
 
@@ -16,9 +18,11 @@ KINEMATIC = (
 )
 EQUILIBRIUM = (
     "Fidelity equilibrium: the passive joints rest where weight, ply and links leave "
-    "them, and strokes lead the tilt lag. Strokes that do not would leave cups "
+    "them, and strokes lead the tilt lag. Without that lead, cups would be up to "
     "{:.2f} mm and {:.1f} deg off before they land."
 )
+
+ROUNDED = 1e-6  # [-] of a last decimal: what rounding leaves
 
 
 def labels(track: Track) -> list[str]:
@@ -73,7 +77,7 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
             f"{landing['worst_angle_deg']:.3g} deg from their targets, or slide by "
             f"{landing['worst_slide_mm']:.3g} mm, or some are never placed."
         )
-    lines += _laid_lines(verdict["laid"])
+    lines += _laid_lines(verdict["laid"], front)
     limits = verdict["limits"]
     if not limits["good"]:
         lines.append(
@@ -82,7 +86,7 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
             f"({100 * limits['largest_rate_share']:.0f} % of what is allowed)."
         )
     lines += arm_failures(verdict["arm"], names)
-    return lines + _fiber_lines(verdict["fibers"]) + _tool_lines(verdict)
+    return lines + _fiber_lines(verdict["fibers"], names) + _tool_lines(verdict)
 
 
 def _tool_lines(verdict: dict[str, Any]) -> list[str]:
@@ -133,38 +137,54 @@ def touch_sentence(touch: dict[str, Any]) -> str:
     )
 
 
-def _laid_lines(laid: dict[str, Any]) -> list[str]:
+def _laid_lines(laid: dict[str, Any], front: FrontVerdict) -> list[str]:
     """What keeps the laid ply from lying on the mold."""
     if laid["good"]:
         return []
     if laid["pads_beside_mold"]:
-        cup = tuple(laid["pads_beside_mold"][0])
-        count = len(laid["pads_beside_mold"])
-        return [f"The pads of {count} cups hang over the mold's edge, first {cup}."]
+        pads = laid["pads_beside_mold"]
+        cups = "1 cup hangs" if len(pads) == 1 else f"{len(pads)} cups hang"
+        return [
+            f"The pads of {cups} over the mold's edge, first that of {tuple(pads[0])}: "
+            "place the ply elsewhere (placement.mold_point_m), or use a larger mold or "
+            "a smaller tool."
+        ]
+    bridges = laid["bridges_mm"] >= laid["sinks_mm"]
+    place, key = (front.highest, "bridge") if bridges else (front.lowest, "sink")
     return [
         f"Laid, the ply bridges {laid['bridges_mm']:.1f} mm or sinks "
-        f"{laid['sinks_mm']:.1f} mm: the mold is too curved or hollow between the cups."
+        f"{laid['sinks_mm']:.1f} mm {near(place)}: the mold is too curved or hollow "
+        "between the cups there; turn or shift the ply so that cups reach into it "
+        f"(placement), or allow for more (tolerance.laid_{key}_mm)."
     ]
 
 
-def _fiber_lines(fibers: dict[str, Any]) -> list[str]:
-    """What the length gate found."""
-    guilty = fibers["infeasible"]
+def _fiber_lines(fibers: dict[str, Any], names: list[str]) -> list[str]:
+    """What the length gate found: the worst fiber, when, and what comes of it."""
+    guilty, take_up = fibers["infeasible"], fibers["take_up_mm"]
     if not guilty:
         return []
-    band = fibers["take_up_mm"]
-    need = max(abs(x["need_mm"]) for x in guilty)
-    surplus = max(x["surplus_mm"] for x in guilty)
-    worst = max(guilty, key=lambda x: max(x["need_mm"], x["surplus_mm"]))
-    text = f"Length-infeasible: {len(guilty)} fibers leave the take-up of {band:g} mm"
-    if worst["need_mm"] >= worst["surplus_mm"]:
-        text += f"; the worst, {worst['fiber']}, is {need:.2f} mm too short"
+    worst, count = guilty[0], fibers["infeasible_count"]
+    short = worst["need_mm"] >= worst["surplus_mm"]
+    excess = max(worst["need_mm"], worst["surplus_mm"])
+    verb = "fiber leaves" if count == 1 else "fibers leave"
+    text = f"Length-infeasible: {count} {verb} the take-up of {take_up:g} mm; the worst"
+    text += f", {worst['fiber']}, is {excess:.2f} mm too {'short' if short else 'long'}"
+    text += f" at its worst ({_inside(names[worst['worst_waypoint']])})"
+    if worst["duration_s"]:
+        text += f", outside for {worst['duration_s']:.1f} s"
+    if short:
+        what = f"it holds its cups back, or slips by {worst['short_mm']:.2f} mm"
     else:
-        bubble = worst["bubble_mm"]
-        text += f"; the worst, {worst['fiber']}, has {surplus:.2f} mm too much"
-        text += f" and would bow {bubble:.1f} mm"
-    remedy = "a flatter mold, a weave with more take-up or less lift would help"
-    return [f"{text}: {remedy}."]
+        what = f"it would bow {worst['bubble_mm']:.1f} mm off the mold"
+    enough = np.ceil(100 * excess - ROUNDED) / 100
+    remedy = f"A weave that takes up {enough:g} mm, a flatter mold or less lift"
+    return [f"{text}: {what}. {remedy} would help."]
+
+
+def _inside(name: str) -> str:
+    """A waypoint's name within a sentence."""
+    return name[0].lower() + name[1:]
 
 
 def summary(
