@@ -298,10 +298,14 @@ def test_nothing_was_fetched_and_nothing_complained(pair):
     assert pair.external() == []
 
 
-def test_a_browser_without_webgl_says_so(browser, pair):
+def test_a_browser_without_webgl_says_so(browser, pair, views):
     bare = browser.browser_type.launch(executable_path=find_browser(), args=NO_3D)
     opened = OpenPage(bare, pair.path)
     assert opened.run("document.body.dataset.ready") == "failed"
-    assert "WebGL" in opened.page.inner_text("[role=alert]")
+    said = opened.page.inner_text("[role=alert]")
+    assert "WebGL" in said
+    for view in views:  # what can be read without a picture
+        assert all(line in said for line in (view.title, *view.verdict))
+    assert not opened.page.is_visible("#foot")
     assert opened.errors == []
     bare.close()

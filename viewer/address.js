@@ -2,26 +2,29 @@
 
 /** Keep the address and what is shown the same, both ways. */
 function addAddress(app) {
-  let writing = null;
+  let writing = null, known = location.hash;
   const write = () => {
+    if (location.hash !== known) return; // the reader's own, about to be read
     const { step } = app.moment, ended = step >= 0 && app.timeline.endOf(step) === app.pose;
     const when = ended ? `step=${step}` : `pose=${app.pose + 1}`;
     history.replaceState(null, "", `#${when}&cam=${app.view}`);
+    known = location.hash;
   };
   const later = () => { // browsers refuse many changes a second
     clearTimeout(writing);
     writing = setTimeout(write, 150);
   };
   const read = () => {
-    const wanted = new URLSearchParams(location.hash.slice(1));
-    if (wanted.has("cam")) app.look(wanted.get("cam"));
-    const end = wanted.has("step") ? app.timeline.endOf(parseInt(wanted.get("step"), 10)) : null;
+    known = location.hash;
+    const wanted = new URLSearchParams(known.slice(1)), end = app.timeline.endOf(parseInt(wanted.get("step"), 10));
     const pose = parseInt(wanted.get("pose"), 10) - 1;
+    if (wanted.has("cam")) app.look(wanted.get("cam"));
     if (end !== null) app.timeline.jump(end);
     else if (Number.isFinite(pose)) app.timeline.jump(pose);
+    later();
   };
-  read();
   app.onPose(later);
   app.onLook(later);
-  addEventListener("hashchange", () => { clearTimeout(writing); read(); later(); });
+  addEventListener("hashchange", read);
+  read();
 }

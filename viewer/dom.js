@@ -22,8 +22,10 @@ function toggle(text, act, attributes = {}) {
   return button;
 }
 
-/** Say on the page why nothing is shown. */
-function fail(message) {
-  document.body.append(element("div", message, { id: "failure", class: "panel", role: "alert" }));
+/** Say on the page why nothing is shown, and what else can be said. */
+function fail(message, lines = []) {
+  const panel = element("div", "", { id: "failure", class: "panel", role: "alert" });
+  panel.append(...[message, ...lines].map((line) => element("p", line)));
+  document.body.append(panel);
   document.body.dataset.ready = "failed";
 }

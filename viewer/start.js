@@ -3,9 +3,10 @@
 async function start() {
   if (!("DecompressionStream" in window))
     return fail("This preview needs a browser from 2023 or newer (DecompressionStream).");
-  if (!document.createElement("canvas").getContext("webgl2"))
-    return fail("This preview needs WebGL 2, which this browser does not offer: update it, or allow graphics acceleration in its settings.");
   const { book, view } = await unpack(byId("payload").textContent);
+  if (!document.createElement("canvas").getContext("webgl2"))
+    return fail("This preview needs WebGL 2, which this browser does not offer: update it, or allow graphics acceleration in its settings. Without pictures:",
+      book.drapes.flatMap(({ title, verdict }) => [title, ...verdict]));
   byId("payload").remove();
   window.app = new App(book, view);
   document.body.dataset.quality = app.drapes.map(adaptQuality).includes("low") ? "low" : "high";
