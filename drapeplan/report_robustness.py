@@ -24,6 +24,7 @@ STYLE = {
 def tornado_figure(path: str | Path, found: Robustness, title: str) -> None:
     """Draw margin and press depth under each parameter alone, as a PNG.
 
+    Margins are left out where none comes within CAP of a wrong order.
     The same arguments give the same bytes; the file appears whole or not at all.
 
     Args:
@@ -34,31 +35,49 @@ def tornado_figure(path: str | Path, found: Robustness, title: str) -> None:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     with matplotlib.rc_context(STYLE):
         height = 1.8 + 0.4 * max(1, len(found.effects))
         figure = Figure(figsize=(9.0, height), dpi=150, layout="constrained")
         FigureCanvasAgg(figure)
-        margin, press = figure.subplots(1, 2, sharey=True)
         low, high = found.interval
         share = found.wrong / len(found.rollouts)
         text = f"{title}: P(wrong order) = {share:.3f}, 95 % in {low:.3f} to {high:.3f}"
+        near = any((one.margins < CAP).any() for one in found.effects)
+        if not near:
+            text += f"; alone, none comes within {1e3 * CAP:g} mm of it"
         figure.suptitle(text, x=0.01, ha="left", fontsize=10, fontweight="bold")
-        _bars(margin, [one.margins for one in found.effects])
-        planned = min(found.planned.margin, CAP)
-        margin.axvline(1e3 * planned, color=GRAY, lw=1.0, label="planned")
-        margin.axvline(0.0, color=RED, lw=1.0, label="wrong order")
-        margin.set_xlabel(f"least margin (mm, {1e3 * CAP:g} where nothing threatens)")
+        *margins, press = figure.subplots(1, 1 + near, sharey=True, squeeze=False)[0]
+        for margin in margins:
+            _bars(margin, [one.margins for one in found.effects])
+            planned = min(found.planned.margin, CAP)
+            margin.axvline(1e3 * planned, color=GRAY, lw=1.0)
+            margin.axvline(0.0, color=RED, lw=1.0)
+            margin.set_xlabel(
+                f"least margin (mm, {1e3 * CAP:g} where nothing threatens)"
+            )
+            margin.set_xlim(right=1.05e3 * CAP)
         _bars(press, [one.press for one in found.effects])
         depth = max(found.planned.span_press, found.planned.pad_press)
         press.axvline(1e3 * depth, color=GRAY, lw=1.0)
         press.set_xlabel("press depth (mm)")
-        margin.set_xlim(right=1.05e3 * CAP)
         press.set_xlim(left=0.0)
         names = [f"{NAMES[e.parameter]}, P {e.wrong_share:.2f}" for e in found.effects]
-        margin.set_yticks(np.arange(len(names)), names)
-        margin.invert_yaxis()
-        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+        press.set_yticks(np.arange(len(names)), names)
+        press.invert_yaxis()
+        bar = Patch(color=BLUE, alpha=0.6, label="5 to 95 % of samples")
+        lines = [("median", BLUE, 2.5), ("planned", GRAY, 1.0)]
+        lines += [("wrong order", RED, 1.0)] * near
+        drawn = [Line2D([], [], color=c, lw=w, label=name) for name, c, w in lines]
+        figure.legend(
+            handles=[bar, *drawn],
+            loc="outside lower center",
+            ncols=4,
+            frameon=False,
+            fontsize=8,
+        )
         content = io.BytesIO()
         figure.savefig(content, format="png", metadata={"Software": None})
     write_bytes(Path(path), content.getvalue())
@@ -68,12 +87,7 @@ def _bars(axes: Any, samples: list[Any]) -> None:
     """A bar from the 5 % to the 95 % quantile of each row, its median marked."""
     for row, values in enumerate(samples):
         low, middle, high = 1e3 * np.quantile(values, (0.05, 0.5, 0.95))
-        first = row == 0 and axes.get_subplotspec().colspan.start == 0
-        label = "5 to 95 % of samples" if first else None
-        axes.barh(row, high - low, BAR, left=low, color=BLUE, alpha=0.6, label=label)
-        label = "median" if first else None
+        axes.barh(row, high - low, BAR, left=low, color=BLUE, alpha=0.6)
         axes.plot([middle, middle], [row - BAR / 2, row + BAR / 2], color=BLUE, lw=2.5)
-        if label:
-            axes.plot([], [], color=BLUE, lw=2.5, label=label)
     axes.grid(axis="x", color="#dddddd", lw=0.6)
     axes.set_axisbelow(True)

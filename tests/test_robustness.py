@@ -165,6 +165,20 @@ def test_the_same_figure_twice(found, tmp_path):
     assert first.startswith(b"\x89PNG")
 
 
+def test_margins_are_drawn_where_some_are_near(tmp_path, monkeypatch):
+    """Else the press depth stands alone."""
+    panels = []
+    monkeypatch.setattr(
+        "drapeplan.report_robustness._bars",
+        lambda axes, samples: panels.append(np.ravel(samples).max()),
+    )
+    for margin in (INF, 2e-3):
+        effects = (Effect("tilt", (rollout(premature=(margin, INF)), rollout())),)
+        some = by_hand(rollout(), effects=effects)
+        tornado_figure(tmp_path / "some.png", some, "some")
+    assert panels == [2e-4, CAP, 2e-4]
+
+
 @together
 def test_check_says_how_robust(drapeplan, panel_run, tmp_path):
     before, figure = panel_run.file.read_bytes(), tmp_path / "tornado.png"
