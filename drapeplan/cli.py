@@ -124,11 +124,18 @@ def check(
 
 @app.command()
 def preview(
-    plan_files: Annotated[
-        list[Path], typer.Argument(metavar="PLAN [PLAN]", help="Plan file, or two.")
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="PLAN [PLAN]", help="Plan, or two; a scene if --live."),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="HTML file to write.")],
-    show: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="HTML file (PNG, or live the plan)."),
+    ] = None,
+    show: Annotated[
+        bool | None,
+        typer.Option("--open/--no-open", help="Open it in a browser; live: yes."),
+    ] = None,
     png: Annotated[
         str | None,
         typer.Option(
@@ -140,18 +147,19 @@ def preview(
         str | None, typer.Option(help="Of a picture: Iso, Top, Front, Side, ...")
     ] = None,
     size: Annotated[str | None, typer.Option(help="Of a picture: 1280x720.")] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Plan the scene and show it as it happens.")
+    ] = False,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Of the live view.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Write the preview of a plan: one HTML file that works offline."""
-    from drapeplan.commands_preview import picture_command, preview_command
+    from drapeplan.commands_preview import Wanted, preview_command
 
-    if png is not None:
-        sized = size or "1280x720"
-        return picture_command(plan_files, output, png, view, sized, as_json)
-    if (view, size) != (None, None):
-        problem = "--view and --size say nothing without it"
-        raise InputError("--png", "", problem, "add --png STEP")
-    return preview_command(plan_files, output, show, as_json)
+    wanted = Wanted(output, show, png, view, size, live, port, as_json)
+    return preview_command(files, wanted)
 
 
 @app.command()

@@ -163,13 +163,14 @@ def test_viewer_is_for_the_command_line_alone_and_late(name):
         return
     used = [found for found in imports(name) if found.split(".")[0] == "viewer"]
     early = imports(name, at_start=True)
-    assert not used or name == "drapeplan.commands_preview"
+    assert not used or name in ("drapeplan.commands_preview", "drapeplan.commands_live")
     assert not set(used) & early
 
 
 @pytest.mark.parametrize("name", MODULES)
 def test_planner_is_for_the_command_line_and_the_check(name):
-    users = {"drapeplan.commands_plan", "drapeplan.console", "drapeplan.check"}
+    users = {"drapeplan.commands_plan", "drapeplan.commands_live"}
+    users |= {"drapeplan.console", "drapeplan.check"}
     if name not in users:
         assert "drapeplan.planner" not in imports(name)
     if name not in ("drapeplan.__main__",):

@@ -92,7 +92,6 @@ def header(views: Sequence[PlanView], payload: packing.Payload) -> dict[str, obj
 
 def _drape(view: PlanView, payload: packing.Payload) -> dict[str, object]:
     """Describe one drape, its arrays appended to the payload."""
-    gap = packing.pack_gap(view.gap, GAP_SHOWN, PENETRATION)
     rows, columns = view.gap.shape[1:]
     _, spacing = geometry.mold_grid(view)
     drape, cell = geometry.drape_box(view), geometry.cell_box(view)
@@ -103,25 +102,33 @@ def _drape(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "subtitle": view.subtitle,
         "verdict": view.verdict,
         "good": view.good,
-        "labels": view.labels,
         "spacing": spacing,
         "boxes": boxes,
         "floor": objects.floor_level(view),
         "opening": "Iso" if _inside(view, drape) else "Cell",
+        "commands": [payload.add_bytes(c) for c in objects.commands(view)],
+        "triangles": payload.add(geometry.grid_triangles(rows, columns), "<u4"),
+        "fibers": payload.add(geometry.fiber_lines(rows, columns), "<u4"),
+        **moving(view, payload),
+        "details": details(view, payload),
+    }
+
+
+def moving(view: PlanView, payload: packing.Payload) -> dict[str, object]:
+    """Describe what of a drape changes from pose to pose."""
+    gap = packing.pack_gap(view.gap, GAP_SHOWN, PENETRATION)
+    return {
+        "labels": view.labels,
         "contact": np.round(view.contact_share(), 5).tolist(),
         "lowest": np.round(view.gap.min(axis=(1, 2)), 6).tolist(),
         "highest": np.round(view.largest_gap(), 6).tolist(),
-        "commands": [payload.add_bytes(c) for c in objects.commands(view)],
         "ply": payload.add_track(view.ply_points),
         "gap": payload.add_folded(gap[None]),
-        "triangles": payload.add(geometry.grid_triangles(rows, columns), "<u4"),
-        "fibers": payload.add(geometry.fiber_lines(rows, columns), "<u4"),
         "cups": _cups(view, payload),
         "tool": payload.add(_column_major(view.tool_placement), "<f4"),
         "arm": payload.add(
             _column_major(np.moveaxis(view.arm_placements, 1, 0)), "<f4"
         ),
-        "details": details(view, payload),
     }
 
 
@@ -158,11 +165,16 @@ def _hash(script: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode()}'"
 
 
-def render(views: PlanView | Sequence[PlanView]) -> str:
+def render(views: PlanView | Sequence[PlanView], since: int | None = None) -> str:
     """Text of the page, of one drape or of two side by side.
 
     The security policy of the page lets nothing run but its own two scripts, named by
     their hashes, and lets nothing be fetched.
+
+    Args:
+        views: What to show.
+        since: Waypoints solved so far, where more will come from the server that the
+            page comes from; None for a page that stands alone.
 
     Raises:
         DrapeplanError: If a script or a notice would end its own element.
@@ -171,7 +183,12 @@ def render(views: PlanView | Sequence[PlanView]) -> str:
     payload = packing.Payload()
     head = header(views, payload)
     bundle = _meshcat("main.min.js")
-    script = "\n".join(['"use strict";', *map(_asset, SCRIPTS)])
+    *scripts, start = SCRIPTS
+    if since is not None:
+        head["live"] = since
+        scripts.append("live.js")
+    scripts.append(start)
+    script = "\n".join(['"use strict";', *map(_asset, scripts)])
     policy = [
         "default-src 'none'",
         f"script-src {_hash(bundle)} {_hash(script)}",
@@ -179,6 +196,7 @@ def render(views: PlanView | Sequence[PlanView]) -> str:
         "img-src data: blob:",
         "base-uri 'none'",
         "form-action 'none'",
+        *([] if since is None else ["connect-src 'self'"]),
     ]
     parts = {
         "policy": "; ".join(policy),
