@@ -77,8 +77,12 @@ def scene_row(name: str, samples: int) -> dict:
         except InfeasibleError as error:
             row[tool] = {"refused": str(error)}
             continue
-        facts = plan_facts(plan, time.perf_counter() - start)
-        row[tool] = {**facts, FIRST: figures(plan, FIRST, samples)}
+        seconds = {"plan_s": round(time.perf_counter() - start, 1)}
+        row[tool] = {
+            **plan_facts(plan),
+            **seconds,
+            FIRST: figures(plan, FIRST, samples),
+        }
         plans[tool] = plan
     if not plans:
         return row | {"better": None, "met": False}
@@ -90,19 +94,20 @@ def scene_row(name: str, samples: int) -> dict:
     return row | {"better": better, "met": met}
 
 
-def planned(name: str, tool: str) -> Plan:
-    """The plan of a scene with a tool."""
+def planned(name: str, tool: str, **sections: dict) -> Plan:
+    """The plan of a scene with a tool; further sections of the scene as given."""
     surface, take_up = SCENES[name]
     data = {
         "format": "drapeplan-scene/1",
         "mold": {"surface": surface},
         "tool": {"name": tool},
         "ply": {"take_up_mm": take_up},
+        **sections,
     }
     return make_plan(scene_from(data, name), Path(), name).plan
 
 
-def plan_facts(plan: Plan, seconds: float) -> dict:
+def plan_facts(plan: Plan) -> dict:
     """What the plan itself is."""
     verdict = plan.judged[0]
     parts = [(k, v) for k, v in verdict.items() if isinstance(v, dict)]
@@ -113,7 +118,6 @@ def plan_facts(plan: Plan, seconds: float) -> dict:
         "not_good": [k for k, v in parts if v.get("good") is False],
         "touch": verdict["touch"],
         "fibers_mm": [-fibers["largest_surplus_mm"], fibers["longest_need_mm"]],
-        "plan_s": round(seconds, 1),
     }
 
 

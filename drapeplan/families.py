@@ -9,7 +9,10 @@ from pydantic import Field
 from drapeplan.section import Section, Size, Small
 
 TOE = "[deg] by which landing cups lean back, their outer edge up"
-OFFSET = "[mm] from the placed pads' outer rim to where the lift begins"
+OFFSET = (
+    "[mm] from the placed pads' outer rim to where the lift begins; centers at least"
+)
+CIRCLE = "[mm] from the outermost placed cup's center to where the lift begins"
 LIFT = "[1/m] c of c d^2; one number, or one along s and one along t"
 Lift = Annotated[float, Field(gt=0, le=100)]
 
@@ -19,28 +22,25 @@ class FamilySection(Section):
 
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
     last_gap_mm: Small = 0.2
-    toe_up_deg: Annotated[float, Field(ge=0, le=10, description=TOE)] = 0.5
+    toe_up_deg: Annotated[float, Field(ge=0, le=10, description=TOE)] = 2.0
 
 
-class LiftedSection(FamilySection):
-    """Families in which the mold with a lift rolls down ahead of the front."""
-
-    bend_mm: Size = 120.0
-    rim_offset_mm: Annotated[float, Field(ge=-20, le=100, description=OFFSET)] = 0.0
-
-
-class RectangleBlendPath(LiftedSection):
+class RectangleBlendPath(FamilySection):
     """The lifted surface rolls down on the sides of the placed rectangle."""
 
     family: Literal["rectangle_blend"] = "rectangle_blend"
     lift_per_m: Annotated[Lift | tuple[Lift, Lift], Field(description=LIFT)] = 0.6
+    bend_mm: Size = 120.0
+    rim_offset_mm: Annotated[float, Field(ge=-20, le=100, description=OFFSET)] = 0.0
 
 
-class RadialPath(LiftedSection):
+class RadialPath(FamilySection):
     """The lifted surface rolls down in rings around the start cup."""
 
     family: Literal["radial"]
     lift_per_m: Lift = 0.6
+    bend_mm: Size = 120.0
+    front_offset_mm: Annotated[float, Field(ge=0, le=100, description=CIRCLE)] = 0.0
 
 
 class HoverPath(FamilySection):

@@ -69,14 +69,15 @@ class Task:
         request: Cup positions (n, 3), in [m], and rotations (n, 3, 3), in the world.
         ring: Ring of each cup, as from `drapeplan.rings`, shape (n,).
         outward: Outward directions along (s, t), shape (n, 2).
-        toe_up: Angle by which the landing ring shall lean back, about its heel, [rad].
+        lean: Angle by which cups of the landing ring shall lean back, about their heel,
+            shape (n,), in [rad].
         half_width: Distance of the heel from a cup's center, [m].
     """
 
     request: tuple[Array, Array]
     ring: NDArray[np.int_]
     outward: Array
-    toe_up: float
+    lean: Array
     half_width: float
 
 
@@ -205,7 +206,7 @@ def _objective(
     ring = np.minimum(task.ring, len(HEIGHT) - 1)
     s, t, n = np.moveaxis(frames, -1, 0)
     away = (frames[..., :2] @ task.outward[..., None])[..., 0]
-    lean = np.where((task.ring == 1)[:, None], task.toe_up * cross(n, away), 0.0)
+    lean = np.where(task.ring == 1, task.lean, 0.0)[:, None] * cross(n, away)
     tilt = rotation_vectors(poses[1], frames) - lean
     heel = task.half_width * np.linalg.norm(lean, axis=1)
     missing = np.sum(n * (wanted - poses[0]), axis=1) + heel

@@ -197,7 +197,7 @@ class SequenceSection(Section):
 
     start: CupIndex | Literal["auto"] = "auto"
     pattern: Pattern = "auto"
-    ring_pitches: Annotated[float, Field(ge=0, le=100, description=RING)] = 0.0
+    ring_pitches: Annotated[float, Field(ge=0, le=100, description=RING)] = 0.5
     steps: tuple[tuple[CupIndex, ...], ...] | None = None
 
 
@@ -317,5 +317,5 @@ def _all_keys() -> set[str]:
 _KEYS = sorted(_all_keys())
 _VARIANTS = {
     *("plane", "paraboloid", "sphere", "cylinder", "ridge", "step", "kindrape"),
-    *("rectangle_blend", "radial", "hover"),
+    *("rectangle_blend", "radial", "hover", "constrained-float"),
 }

@@ -36,6 +36,7 @@ GIVEN = ("pick", "release", "retreat")  # phases with the cups on a table or let
 ROUNDS = 3  # most corrections of a waypoint; the first is enough where all is well
 WORTH = 0.01e-3  # [m] ply deeper than believed, or fibers that gain: one more round
 SLIGHT = 0.03e-3  # [m] fibers too long by no more may yet fit, at a higher price
+FADE = 0.5e-3  # [m] of its fall over which a cup that leans back is laid flat
 SHARES = (1.0, 0.5, 0.25)  # of a correction, tried until the tool comes to rest
 
 
@@ -125,7 +126,8 @@ class _Walk:
         n = len(self.columns)
         placed = np.asarray(path.states == CupState.PLACED)
         last = len(path.phase) - 1 - path.phase[::-1].index("wave")
-        self.ply = PlyRows(cell, (path.positions[last], path.rotations[last]))
+        self.landed = path.positions[last], path.rotations[last]
+        self.ply = PlyRows(cell, self.landed)
         self.start = placed[placed.any(axis=1).argmax()]
         legs = motion.q[:, self.columns]
         given = np.append(True, np.isin(path.phase[:-1], GIVEN))
@@ -264,9 +266,16 @@ class _Walk:
             (path.positions[k], path.rotations[k]),
             ring_of(*size, fixed, landing),
             outward(*size, fixed),
-            self.toe_up,
+            self._lean(k),
             robot.half_width,
         )
+
+    def _lean(self, k: int) -> Array:
+        """How far cups lean back, less and less over the last of their fall, [rad]."""
+        positions, rotations = self.landed
+        way = self.path.positions[k] - positions
+        fall = np.sum(way * rotations[..., 2], axis=-1)
+        return self.toe_up * np.clip(fall / FADE, 0.0, 1.0)
 
     def _room(self, k: int, fixed: Mask) -> tuple[Array, Array]:
         """Least and largest free strokes: limits, and rates within the wave."""

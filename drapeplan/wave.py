@@ -110,10 +110,10 @@ def _rolled(
     warp: float,
 ) -> Wave:
     """The mold with a lift that rolls down, one lift after the other."""
-    rim = grid.half_width + path.rim_offset_mm * 1e-3
     if isinstance(path, RadialPath):
-        lifts = _radial_lifts(targets.xy, rim, sequence, path)
+        lifts = _radial_lifts(targets.xy, sequence, path)
     else:
+        rim = max(0.0, grid.half_width + path.rim_offset_mm * 1e-3)
         lifts = _rectangle_lifts(targets.xy, rim, sequence, path, warp)
     log = _Log(grid, targets, sequence)
     lifted = WeightedSum(((1.0, mold), (1.0, lifts[0])))
@@ -130,7 +130,7 @@ def _rolled(
 def _rectangle_lifts(
     xy: Array, rim: float, sequence: Sequence, path: RectangleBlendPath, warp: float
 ) -> list[AbstractSurface]:
-    """Lift beyond the outer rims of each placed rectangle of the target net."""
+    """Lift beyond a rim around each placed rectangle of the target net."""
     center = xy[sequence.index(sequence.start_cup)]
     cos, sin = np.cos(warp), np.sin(warp)
     c = path.lift_per_m
@@ -146,15 +146,15 @@ def _rectangle_lifts(
 
 
 def _radial_lifts(
-    xy: Array, rim: float, sequence: Sequence, path: RadialPath
+    xy: Array, sequence: Sequence, path: RadialPath
 ) -> list[AbstractSurface]:
-    """Lift beyond the circle that the placed cups of each step reach."""
+    """Lift beyond the circle that the cups placed by each step reach."""
     center = xy[sequence.index(sequence.start_cup)]
     distance = np.hypot(*(xy - center).T)
     lifts: list[AbstractSurface] = []
     for k in range(len(sequence.steps) + 1):
-        front = float(distance[sequence.placed_after(k)].max()) + rim
-        bend = path.bend_mm * 1e-3
+        reach = float(distance[sequence.placed_after(k)].max())
+        front, bend = reach + path.front_offset_mm * 1e-3, path.bend_mm * 1e-3
         lifts.append(RadialLift(center, front, path.lift_per_m, bend))
     return lifts
 

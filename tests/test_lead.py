@@ -47,7 +47,9 @@ def task(robot, request, toe_up=0.0):
     landing[3 * robot.columns + np.array([1, 3])] = True
     size = robot.rows, robot.columns
     ring = ring_of(*size, placed, landing)
-    return placed, Task(request, ring, outward(*size, placed), toe_up, HALF)
+    return placed, Task(
+        request, ring, outward(*size, placed), np.full(len(ring), toe_up), HALF
+    )
 
 
 def corrected(robot, flat, work, placed, response, room=WIDE, slack=1e-2):

@@ -37,6 +37,19 @@ def changed(path, value):
         ("path.family", "spiral", ["path", "spiral", "rectangle_blend"]),
         ("path", {"family": "hover", "height_mm": 0}, ["path.height_mm", "than 0"]),
         ("robot", {"name": "ur10", "urdf": "x.urdf"}, ["robot", "either"]),
+        ("path", {"family": "radial", "bend_mm": 0}, ["path.bend_mm", "than 0"]),
+        (
+            "path",
+            {"family": "rectangle_blend", "rim_offset_mm": -30},
+            ["path.rim_offset_mm", "at least -20"],
+        ),
+        (
+            "path",
+            {"family": "rectangle_blend", "lift_per_m": [0.5, 0]},
+            ["path.lift_per_m", "1 more to mend"],
+        ),
+        ("sequence.pattern", "radial", ["pattern radial needs path.family"]),
+        ("lead", {"toe_up_deg": 1}, ["lead", "unknown key"]),
         ("seed", -3, ["seed", "at least 0"]),
     ],
 )
@@ -84,3 +97,9 @@ def test_binary_file(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="not a text file"):
         read_scene(path)
+
+
+def test_the_radial_family_brings_its_order():
+    scene = scene_from(GOOD | {"path": {"family": "radial"}}, "scene.yaml")
+    assert scene.sequence.pattern == "radial"
+    assert Scene.model_validate(scene.model_dump(mode="json")) == scene

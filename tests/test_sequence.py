@@ -1,3 +1,6 @@
+import math
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -79,6 +82,36 @@ def test_impossible_sequences_name_key_and_remedy(section, words):
     with pytest.raises(InputError) as caught:
         make_sequence(SequenceSection(**section), 8, 6, "scene.yaml")
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+@given(
+    rows=st.integers(2, 9),
+    columns=st.integers(2, 9),
+    width=st.floats(0, 3),
+    data=st.data(),
+)
+def test_rings_come_in_the_order_of_distance(rows, columns, width, data):
+    start = (
+        data.draw(st.integers(0, rows - 1)),
+        data.draw(st.integers(0, columns - 1)),
+    )
+    section = SequenceSection(start=start, pattern="radial", ring_pitches=width)
+    steps = make_sequence(section, rows, columns, "test").steps
+    cups = [start, *(cup for ring in steps for cup in ring)]
+    assert sorted(cups) == [(i, j) for i in range(rows) for j in range(columns)]
+    reach = [[math.dist(cup, start) for cup in ring] for ring in steps]
+    for inner, outer in pairwise(reach):
+        assert min(inner) + width < min(outer) + 1e-9
+        assert max(inner) < min(outer)
+    assert all(max(ring) - min(ring) <= width + 1e-9 for ring in reach)
+
+
+def test_ties_land_together():
+    steps = make_sequence(
+        SequenceSection(pattern="radial", ring_pitches=0), 8, 6, "test"
+    ).steps
+    assert steps[0] == ((2, 2), (3, 1), (3, 3), (4, 2))
+    assert steps[-1] == ((7, 5),)
 
 
 def test_free_steps_keep_their_order():

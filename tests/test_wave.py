@@ -9,13 +9,17 @@ from drapeplan.wave import progress, shaping
 from tests.plans import BOWL, PARABOLOID, SADDLE, scene, stages
 from tests.tolerances import EXACT, LINK
 
+RADIAL = {"family": "radial", "front_offset_mm": 2, "poses_per_step": 5}
 HOVER = {"family": "hover", "height_mm": 5}
 
 
-@pytest.fixture(scope="module", params=["convex", "saddle", "bowl", "hover", "warp"])
+@pytest.fixture(
+    scope="module", params=["convex", "saddle", "bowl", "hover", "warp", "radial"]
+)
 def made(request):
     surface = {"saddle": SADDLE, "bowl": BOWL}.get(request.param, PARABOLOID)
-    sections = {"path": HOVER} if request.param == "hover" else {}
+    path = {"hover": HOVER, "radial": RADIAL}.get(request.param)
+    sections = {"path": path} if path else {}
     if request.param == "warp":
         sections["placement"] = {"warp_deg": 25}
     return stages(scene(surface, **sections))
@@ -86,3 +90,16 @@ def test_shaping_starts_square_and_ends_in_the_shape():
     assert_allclose(rotations[0], np.broadcast_to(np.eye(3), (48, 3, 3)), atol=LINK)
     assert_allclose(positions[-1], first, atol=LINK)
     assert_allclose(rotations[-1], wave.rotations[0], atol=LINK)
+
+
+def test_the_lift_begins_at_the_rim_and_its_offset():
+    """Cup (3, 4) of a flat ply, two pitches from the start cup's center."""
+
+    def height(offset):
+        path = {"family": "rectangle_blend", "rim_offset_mm": offset}
+        wave = stages(scene({"kind": "plane"}, path=path))[3]
+        x, _, z = wave.positions[0, 3 * 6 + 4] - wave.positions[0, 3 * 6 + 2]
+        return z, 0.6 * 0.12 * (2 * (x - 0.02 - 1e-3 * offset) - 0.12)
+
+    for found, expected in map(height, (-10, 0, 10)):
+        assert found == pytest.approx(expected, abs=1e-9)
