@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drapeplan.cell import Cell
-from drapeplan.equilibrium import Equilibrium, Settled, SettledStatus
+from drapeplan.equilibrium import Equilibrium, SettledStatus
 from drapeplan.frames import inverse, moved, rotation_vectors
 from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.legs import cup_poses, leg_coordinates
+from drapeplan.rest import settled_along
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -66,31 +67,21 @@ class Rests:
         physics = tool_physics(self.cell)
         physics = replace(physics, bending=factor * physics.bending)
         equilibrium = Equilibrium(robot, physics)
-        rows = self._standing(real) if real else self.q
-        settled: Settled | None = None
-        legs = np.empty((len(rows), *columns.shape))
-        rides = rides_level(self.tool, self.q[:, columns], self.fixed)
-        for k, q in enumerate(rows):  # a waypoint starts from the one before
-            if rides[k]:
-                legs[k] = legs[k - 1]
-            elif self.fixed[k].all():
-                legs[k] = q[columns]
-            else:
-                check = self._before_landing(k)
-                fixed = self.fixed[k]
-                settled = equilibrium.settle(q, fixed, settled, stability=check)
-                if settled.status != SettledStatus.SETTLED:
-                    return None
-                legs[k] = settled.q[columns]
+        q, fixed = self._standing(real) if real else self.q, self.fixed
+        rides = rides_level(self.tool, self.q[:, columns], fixed)
+        chosen = np.flatnonzero(~(rides | fixed.all(axis=1)))
+        landing = np.append((fixed[1:] != fixed[:-1]).any(axis=1), False)
+        legs = q[:, columns]
+        for k, rest in settled_along(equilibrium, q, fixed, chosen, landing):
+            if rest.status != SettledStatus.SETTLED:
+                return None
+            legs[k] = rest.q[columns]
+        count = np.arange(len(q))
+        legs = legs[np.maximum.accumulate(np.where(rides, 0, count))]
         return self._in_mold(cup_poses(robot.geometry, self.tool, legs))
 
     def _in_mold(self, poses: Poses) -> Poses:
         return moved(inverse(self.cell.world_mold), *poses)
-
-    def _before_landing(self, k: int) -> bool:
-        """Whether cups are placed at the next waypoint."""
-        after = self.fixed[min(k + 1, len(self.fixed) - 1)]
-        return bool((after != self.fixed[k]).any())
 
     def _standing(self, real: Callable[[Array], Array]) -> Array:
         """Joint positions with the placed cups on the mold as it stands."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -35,19 +36,18 @@ def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
     tool = Equilibrium(cell.robot, tool_physics(cell))
     columns, fixed = cell.robot.leg_columns, track.placed
     moves, least = np.zeros(len(track.phase)), np.full(len(track.phase), np.inf)
-    warm: Settled | None = None
     given = np.isin(track.phase, GIVEN)
     rides = rides_level(track.tool, track.legs, fixed) & ~np.append(True, given[:-1])
     settles = ~(given | rides | fixed.all(axis=1))
-    for k in np.flatnonzero(settles[: track.held.stop]):
-        warm = tool.settle(track.q[k], fixed[k], warm)
-        poses = cup_poses(cell.robot.geometry, track.tool[k], warm.q[columns])
+    chosen = np.flatnonzero(settles[: track.held.stop])
+    for k, found in settled_along(tool, track.q, fixed, chosen):
+        poses = cup_poses(cell.robot.geometry, track.tool[k], found.q[columns])
         was = track.poses[0][k], track.poses[1][k]
         moves[k] = _apart(poses, was, cell.robot.half_width)
-        if warm.status != SettledStatus.SETTLED:
+        if found.status != SettledStatus.SETTLED:
             moves[k] = np.inf
-        if warm.least_eigenvalue is not None:
-            least[k] = warm.least_eigenvalue
+        if found.least_eigenvalue is not None:
+            least[k] = found.least_eigenvalue
     worst, softest = int(moves.argmax()), int(least.argmin())
     stable = bool(np.isfinite(moves[worst]))
     return {
@@ -57,6 +57,32 @@ def judge_rest(cell: Cell, track: Track) -> dict[str, Any]:
         "softest_waypoint": softest,
         **({} if moves[worst] <= AT_REST else {"unsettled_waypoint": worst}),
     }
+
+
+def settled_along(
+    tool: Equilibrium,
+    q: Array,
+    fixed: NDArray[np.bool_],
+    chosen: NDArray[np.int_],
+    stability: NDArray[np.bool_] | None = None,
+) -> Iterator[tuple[int, Settled]]:
+    """Let waypoints settle one after the other, each warm from the one before.
+
+    Args:
+        tool: The tool.
+        q: Joint positions, shape (K, nq), in [rad] and [m].
+        fixed: Placed cups, shape (K, n).
+        chosen: Waypoints that settle, in their order.
+        stability: Where the rest is asked for its stability, shape (K,); None for all.
+
+    Yields:
+        Each waypoint with its rest, found or not.
+    """
+    warm: Settled | None = None
+    for k in map(int, chosen):
+        asked = stability is None or bool(stability[k])
+        warm = tool.settle(q[k], fixed[k], warm, stability=asked)
+        yield k, warm
 
 
 def _apart(
