@@ -32,7 +32,7 @@ def draw(results):
     drawing.log_log(axes, "title", "time [ms]", "error [mm]")
     drawing.scatter(axes, [1, 2], [2, 1], "a method", 0, joined=True, notes=["x", "y"])
     drawing.front(axes, [1, 2], [2, 1])
-    drawing.legend(figure, axes)
+    drawing.legend(figure)
     return figure
 
 

@@ -90,11 +90,19 @@ class _Plain(LogFormatter):
         return f"{x:g}" if 1e-3 < x < 1e4 else f"$10^{{{round(np.log10(x))}}}$"
 
 
-def legend(figure: Figure, axes: Axes, columns: int = 5) -> None:
-    """One legend above all panels, of the methods of one."""
-    handles, labels = axes.get_legend_handles_labels()
+def legend(figure: Figure, columns: int = 5) -> None:
+    """One legend above all panels, each method once."""
+    entries = {
+        label: handle
+        for axes in figure.axes
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
     figure.legend(
-        handles, labels, loc="outside upper center", ncols=columns, frameon=False
+        entries.values(),
+        entries.keys(),
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
     )
 
 
@@ -128,6 +136,34 @@ def scatter(
         axes.annotate(
             note, (a, b), (5, 3), textcoords="offset points", fontsize=6.5, color=GRAY
         )
+
+
+def published(axes: Axes, x: float, y: float, note: str) -> None:
+    """A point that others published, which lies at x or left of it."""
+    axes.plot([x], [y], "*", color=GRAY, markerfacecolor="white", markersize=11)
+    axes.annotate(
+        "", (x / 3, y), (x, y), arrowprops={"arrowstyle": "->", "color": GRAY}
+    )
+    axes.annotate(
+        note, (x, y), (5, 5), textcoords="offset points", fontsize=6.5, color=GRAY
+    )
+
+
+def upright(axes: Axes, x: float, note: str) -> None:
+    """A time that has no error of its own, as that of the reference."""
+    axes.axvline(x, color=GRAY, linestyle=":", linewidth=1.2)
+    axes.annotate(
+        note,
+        (x, 0.02),
+        (-3, 0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        rotation=90,
+        ha="right",
+        va="bottom",
+        fontsize=6.5,
+        color=GRAY,
+    )
 
 
 def pareto(x: Sequence[float], y: Sequence[float]) -> list[int]:

@@ -101,7 +101,7 @@ def draw(results: Results) -> Figure:
             front(
                 axes, [r["median_ms"] for r in rows], [_height(r, name) for r in rows]
             )
-    legend(figure, panels[0, 0])
+    legend(figure)
     return figure
 
 
