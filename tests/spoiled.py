@@ -11,6 +11,7 @@ from tests.plans import scene
 from tests.settled import DOME, tool_section
 
 FAR_CUP = 11  # the corner across from the cups that come first
+PRESSED = 1.5e-3  # [m] more stroke of the far cup than it needs, at first
 BORDER = (0, 1, 2, 3, 5, 6, 8, 9, 10, 11)  # of 4 rows and 3 columns
 
 
@@ -25,21 +26,23 @@ def good_plan() -> Plan:
 
 @lru_cache
 def spoiled_plan() -> Plan:
-    """The far cup lands right after the start cup, the rest of the rim five poses on.
+    """The far cup comes down right after the start cup, the rim stands five poses on.
 
-    Cups that are put down have the legs of the wave's last pose: the tool stands still.
+    Cups that are put down have the legs of the wave's last pose, as the tool stands
+    still; the far cup is pressed further at first.
     """
     made = copy.deepcopy(good_plan().document)
     waypoints = made["waypoints"]
     wave = [k for k, point in enumerate(waypoints) if point["phase"] == "wave"]
     last = waypoints[wave[-1]]
-    put_down = {k: (FAR_CUP,) for k in wave[1:6]} | {k: BORDER for k in wave[6:]}
-    for k, cups in put_down.items():
+    for k in wave[1:]:
+        far = k < wave[6]
         letters = list(waypoints[k]["cups"])
-        for cup in cups:
-            waypoints[k]["legs"][cup] = last["legs"][cup]
-            waypoints[k]["strokes_m"][cup] = last["strokes_m"][cup]
-            letters[cup] = "p"
+        for cup in (FAR_CUP,) if far else BORDER:
+            legs = copy.copy(last["legs"][cup])
+            legs[2] += PRESSED * far
+            waypoints[k]["legs"][cup], waypoints[k]["strokes_m"][cup] = legs, legs[2]
+            letters[cup] = "l" if far else "p"
         waypoints[k]["cups"] = "".join(letters)
     made["verdict"] = Plan(made).judged[0]
     made["hash"] = document_hash(made)

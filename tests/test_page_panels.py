@@ -274,9 +274,10 @@ def test_section_marks_what_is_wrong(opened, view):
     opened.run(f"() => app.timeline.jump({FAULTY})")
     opened.run("number => app.section.choose({ family: 's', number })", row)
     count = int((inside // len(view.s) == row).sum())
-    assert opened.page.locator("#wide circle.fault").count() == count > 0
+    dots = opened.page.locator("#wide .dots[data-kind=air_pocket]")
+    assert dots.get_attribute("d").count("M") == count > 0
     opened.run("() => app.timeline.jump(0)")
-    assert opened.page.locator("#wide circle.fault").count() == 0
+    assert opened.page.locator("#wide .dots").count() == 0
     panel(opened, "Section", on=False)
 
 
@@ -296,14 +297,15 @@ def test_probe_says_what_is_there(opened, view):
         f"gap {1e3 * view.gap[FAULTY, i, j]:.2f} mm",
         f"s {1e3 * view.s[j]:.0f}, t {1e3 * view.t[i]:.0f} mm",
         "between cups (4,3) (4,4) (5,3) (5,4)",
-        "placed; ply model modal",
+        "✓ placed",
+        "ply model modal",
         "◉ air pocket",
     ]
     assert probe(opened, 40, 30)[0] == "gap -2.36 mm"
     on_cup = probe(opened, 2 + 2, 2 + 2)
     assert on_cup[2] == "on cup (1,1)"
     assert probe(opened, 0, 0)[2] == "beyond cup (1,1)"
-    assert "cubic" in probe(opened, 6 + 2, 4)[3]
+    assert probe(opened, 6 + 2, 4)[-1] == "ply model cubic"
 
 
 def test_probe_follows_the_pointer(opened):

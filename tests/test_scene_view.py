@@ -9,17 +9,20 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.contact import front_grid
 from drapeplan.errors import InputError
+from drapeplan.frames import inverse, moved
 from drapeplan.plan import Plan
+from drapeplan.sentences import sentences
 from drapeplan.verdict import EventKind
 from drapeplan.words import failures, labels
 from tests.browser import synthetic_view
-from tests.spoiled import FAR_CUP, good_plan, spoiled_plan
+from tests.spoiled import BORDER, FAR_CUP, good_plan, spoiled_plan
 from viewer import findings, packing
 from viewer.details import GAP_LOWEST, GAP_STEP, details
 from viewer.plan_view import MARGIN_SHOWN, Statement
 from viewer.scene import view_of
 
 pytestmark = pytest.mark.xdist_group("spoiled")  # one worker makes the plans
+CLIPPED = 1e-5  # [m] by which ply put on the mold may miss it, from 2 mm below
 BAND = 1e-9  # [m] by which a length may miss the take-up: rounding
 
 
@@ -38,8 +41,14 @@ def front():
 
 
 def event_of(view, kind, pose):
-    (found,) = [e for e in view.events if (e.kind, e.pose) == (kind, pose)]
-    return found
+    return next(e for e in view.events if (e.kind, e.pose) == (kind, pose))
+
+
+def told_of(view):
+    """The verdict's own events as the view has them."""
+    names = {event.sentence: event for event in view.events}
+    lines = sentences(front(), labels(spoiled_plan().track))[1:]
+    return [names[line] for line, _ in zip(lines, front().events, strict=False)]
 
 
 def test_a_good_plan_has_no_events(good):
@@ -50,17 +59,17 @@ def test_a_good_plan_has_no_events(good):
 
 
 def test_events_of_the_verdict_are_told(bad):
-    assert {e.kind for e in front().events} >= {"premature_contact", "air_pocket"}
-    names = labels(spoiled_plan().track)
-    for event in front().events:
-        told = event_of(bad, event.kind, event.pose)
-        assert (told.area, told.volume, told.depth) == (
-            event.area,
-            event.volume,
-            event.depth,
+    kinds = {"premature_contact", "air_pocket", "pad_penetration"}
+    assert {e.kind for e in front().events} >= kinds
+    assert len(told_of(bad)) == len(front().events)
+    for event, told in zip(front().events, told_of(bad), strict=True):
+        assert (told.kind, told.pose, told.place) == (
+            event.kind,
+            event.pose,
+            event.place_st,
         )
-        assert told.place == event.place_st
-        assert told.sentence.startswith(names[event.pose])
+        sizes = event.area, event.volume, event.depth
+        assert (told.area, told.volume, told.depth) == sizes
 
 
 def test_events_stand_at_the_poses_whose_margins_are_gone(bad):
@@ -74,11 +83,15 @@ def test_events_stand_at_the_poses_whose_margins_are_gone(bad):
 
 
 def test_premature_contact_is_on_the_far_cup(bad):
-    first = min(bad.events, key=lambda e: e.pose)
+    pose = min(event.pose for event in bad.events)
+    first = event_of(bad, EventKind.PREMATURE, pose)
     around = bad.cups_around.reshape(-1, 4)[first.samples]
-    assert first.kind == EventKind.PREMATURE
     assert (around == FAR_CUP).any(axis=1).all()
-    assert_array_equal(bad.gap[first.pose].ravel()[first.samples] < 2e-3, True)
+    assert (bad.gap[pose].ravel()[first.samples] < 5e-3).all()
+    pressed = event_of(bad, EventKind.PAD_PENETRATION, pose)
+    assert (bad.pads.ravel()[pressed.samples] == FAR_CUP).all()
+    depth = (bad.gap[-1] - bad.gap[pose]).ravel()[pressed.samples]
+    assert (depth > front().tolerance.pad_penetration).all()
 
 
 def test_pocket_lies_within_the_rim(bad):
@@ -169,18 +182,16 @@ def test_statements_are_the_summary_and_what_is_wrong(bad):
 
 def test_statements_speak_of_their_moment_and_place(bad):
     told = {one.text: one for one in bad.statements}
-    for event in bad.events:
-        if event.sentence in told:
-            spoken = told[event.sentence]
-            assert (spoken.pose, spoken.place) == (event.pose, event.place)
+    for event in told_of(bad):
+        assert told[event.sentence][2:] == (event.pose, event.place)
     (interlink,) = [t for t in bad.statements if t.text.startswith("The interlink")]
     assert interlink.place == pytest.approx((0.11, 0.33))
     (laid,) = [t for t in bad.statements if t.text.startswith("Laid, ")]
     assert laid.pose == spoiled_plan().track.held.stop - 1
     (high,) = [t for t in bad.statements if "above the mold at the last" in t.text]
-    placed = spoiled_plan().track.placed[:, FAR_CUP]
-    assert high.pose == placed.argmax()
-    assert high.place == pytest.approx((0.22, 0.33))
+    cup = next(c for c in BORDER if str(divmod(c, 3)) in high.text)
+    assert high.pose == spoiled_plan().track.placed[:, cup].argmax()
+    assert high.place == pytest.approx((0.11 * (cup % 3), 0.11 * (cup // 3)))
     (fiber,) = [t for t in bad.statements if t.text.startswith("Length-infeasible")]
     assert fiber.pose is not None
     assert fiber.place is not None
@@ -215,6 +226,16 @@ def test_robustness_is_that_of_the_plan(good):
     stated = Plan({**good_plan().document, "robustness": {"samples": 3}})
     vars(stated)["judged"] = good_plan().judged  # spares the time to judge it anew
     assert view_of(stated).robustness == {"samples": 3}
+
+
+def test_ply_lies_on_the_mold_and_its_gap_says_how_deep_it_is_pushed(bad):
+    """Points of the view are clipped at the mold, its gaps are not."""
+    plan = spoiled_plan()
+    to_mold = inverse(plan.cell.world_mold)
+    local, _ = moved(to_mold, bad.ply_points, np.eye(3))
+    sunk = (bad.gap < 0) & (bad.gap > -2e-3)
+    assert bad.gap.min() < -1e-3
+    assert_allclose(plan.cell.mold.gap(local[sunk]), 0, atol=CLIPPED)
 
 
 def test_pads_are_those_of_the_cups(good):

@@ -59,13 +59,16 @@ def events(plan: Plan) -> tuple[Event, ...]:
     cell, contact, track = plan.cell, plan.judged[1], plan.track
     front, names = contact.front, labels(track)
     grid = front_grid(cell, plan.sequence.index(front.start_cup), contact.beside)
-    own = dict(zip(front.events, sentences(front, names)[1:], strict=False))
-    found = {(e.kind, e.pose): e for e in _at_waypoints(plan, grid, names)}
-    for event, sentence in own.items():
-        seen = found.get((event.kind, event.pose))
-        samples = _near(event, front, grid) if seen is None else seen.samples
-        found[event.kind, event.pose] = _told(event, event.pose, samples, sentence)
-    return tuple(sorted(found.values(), key=lambda event: (event.pose, event.kind)))
+    seen = {(e.kind, e.pose): e for e in _at_waypoints(plan, grid, names)}
+    found, told = [], set()
+    lines = sentences(front, names)[1:]
+    for event, line in zip(front.events, lines, strict=False):
+        same = seen.get((event.kind, event.pose))
+        samples = _near(event, front, grid) if same is None else same.samples
+        found.append(_told(event, event.pose, samples, line))
+        told.add((event.kind, event.pose))
+    found += [event for key, event in seen.items() if key not in told]
+    return tuple(sorted(found, key=lambda event: (event.pose, event.kind)))
 
 
 def _at_waypoints(plan: Plan, grid: FrontGrid, names: list[str]) -> Iterator[Event]:

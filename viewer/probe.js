@@ -58,9 +58,10 @@ function probeLines({ book }, drape, sample) {
   lines.push(`s ${(1e3 * material.s[column]).toFixed(0)}, t ${(1e3 * material.t[row]).toFixed(0)} mm`);
   const where = cups.length > 1 ? "between cups" : material.pad(index) < 0 ? "beyond cup" : "on cup";
   if (cups.length) lines.push(`${where} ${cups.map((cup) => `(${drape.cups.names[cup]})`).join(" ")}`);
-  const states = [...new Set(cups.map((cup) => book.states[drape.cups.state(pose, cup)].name.toLowerCase()))];
+  const states = [...new Set(cups.map((cup) => drape.cups.state(pose, cup)))].map((state) => book.states[state]);
+  if (cups.length) lines.push(states.map(({ symbol, name }) => `${symbol} ${name.toLowerCase()}`).join(" · "));
   const rung = material.rung(pose, cups);
-  if (cups.length) lines.push([states.join(" and "), rung && `ply model ${rung}`].filter(Boolean).join("; "));
+  if (rung) lines.push(`ply model ${rung}`);
   for (const { symbol, name } of material.wrong(index)) lines.push(`${symbol} ${name.toLowerCase()}`);
   return lines;
 }

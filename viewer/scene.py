@@ -118,14 +118,16 @@ def size_of(cell: Cell) -> str:
 
 
 def ply_of(plan: Plan) -> tuple[Array, Array]:
-    """The ply at each waypoint.
+    """The ply at each waypoint, as it lies.
 
     Returns:
-        Points in the world, shape (K, nt, ns, 3), and gaps, shape (K, nt, ns), in [m].
+        Points in the world, none inside the mold, shape (K, nt, ns, 3), and the gaps of
+        the free shape, which is pushed in where they are negative, shape (K, nt, ns),
+        both in [m].
     """
     cell, contact = plan.cell, plan.judged[1]
     points, gap = (
-        findings.held_throughout(plan, held) for held in (contact.points, contact.gap)
+        findings.held_throughout(plan, held) for held in (contact.drawn[0], contact.gap)
     )
     return in_world(cell, points, gap)
 

@@ -158,13 +158,16 @@ class Section {
     });
     marks.push(svg("polyline", { class: "curve gap", "data-drape": drape.index, stroke: DRAPE_COLORS[drape.index],
       points: through(values.map(({ length, gap }) => [x(length), y(gap)])) }));
-    const guilty = new Map(drape.marks.now.flatMap(({ kind, samples = [] }) => samples.map((index) => [index, KINDS[kind]])));
-    for (const { index, length, gap } of values) {
-      if (!guilty.has(index)) continue;
-      const { color, name } = guilty.get(index);
-      marks.push(svg("circle", { class: "fault", cx: x(length), cy: y(gap), r: 2.5, fill: color }, svg("title", {}, name)));
-    }
-    return marks;
+    return [...marks, ...this.faults(drape, values, x, y)];
+  }
+
+  /** A dot at each sample at which something is wrong, a path for each kind. */
+  faults({ marks }, values, x, y) {
+    return marks.now.filter(({ samples }) => samples).map(({ kind, samples }) => {
+      const inside = new Set(samples), dots = values.filter(({ index }) => inside.has(index));
+      const path = dots.map(({ length, gap }) => `M${x(length).toFixed(1)},${y(gap).toFixed(1)}h0`).join("");
+      return svg("path", { class: "dots", "data-kind": kind, d: path, stroke: KINDS[kind].color }, svg("title", {}, KINDS[kind].name));
+    });
   }
 }
 
