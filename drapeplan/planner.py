@@ -101,6 +101,28 @@ def make_plan(
     cell = build_cell(scene, read_sources(scene, folder))
     check_placement(cell, source)
     sequence = make_sequence(scene.sequence, cell.grid.rows, cell.grid.columns, source)
+    return plan_drape(cell, sequence, progress, watch)
+
+
+def plan_drape(
+    cell: Cell,
+    sequence: Sequence,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+) -> Outcome:
+    """Plan a drape in a cell that stands already.
+
+    Args:
+        cell: Robot, mold and ply; its scene says how the ply comes down.
+        sequence: Start cup and steps.
+        progress: Called with the stage and its share done, 0 to 1.
+        watch: Shown what is known so far; it changes nothing.
+
+    Raises:
+        InfeasibleError: If the answer is no before all waypoints exist.
+    """
+    tell = progress or (lambda stage, share: None)
+    scene = cell.scene
     tell("net and wave", 0.0)
     asked = make_request(cell, sequence)
     path, wave = asked.path, asked.wave
