@@ -82,6 +82,8 @@ def test_drapes_share_one_time_line(pair, views):
             points = pair.run(f"Array.from(app.drapes[{i}].ply.points.array)")
             wanted = view.ply_points[pose].ravel()
             assert_allclose(points, wanted, rtol=0, atol=20e-6)
+            pane = pair.page.locator(".pane").nth(i)
+            assert view.labels[pose] in pane.get_attribute("aria-label")
             cells = pair.page.locator(f"#figures td.count:nth-child({i + 2})")
             counts = np.bincount(view.cup_states[pose], minlength=4)
             assert_array_equal(np.array(cells.all_inner_texts(), int), counts)

@@ -61,6 +61,7 @@ class Drape {
   show(pose, palette) {
     this.pose = pose;
     for (const part of this.shown) part.show(pose, palette);
+    this.dom.pane.setAttribute("aria-label", `${this.plan.title}: ${this.plan.labels[pose]}`);
     this.viewer.set_dirty();
   }
 
