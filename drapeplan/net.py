@@ -298,8 +298,8 @@ def _require(net: Net, surface: AbstractSurface) -> None:
         x, y = net.xy[off[0]] * 1e3
         more = f", as would {len(off) - 1} more" if len(off) > 1 else ""
         raise InfeasibleError(
-            f"cup ({i}, {j}) would land off the mold, beyond its edge or over a hole, "
-            f"at x = {x:.0f} mm, y = {y:.0f} mm{more}",
+            f"cup ({i}, {j}) would land off the mold, at x = {x:.0f} mm, "
+            f"y = {y:.0f} mm, beyond its edge or over a hole{more}",
             remedy="place the ply elsewhere (placement.mold_point_m, warp_deg), or use "
             "a larger mold or a smaller tool",
         )
