@@ -29,6 +29,7 @@ from drapeplan.front_grid import TIE, FrontGrid, Ints
 from drapeplan.verdict import EventKind, FrontEvent, FrontVerdict, Spot, Tolerance
 
 CORNERS = np.ones((3, 3), dtype=int)  # neighbors over corners, for ndimage.label
+EQUAL = 1e-9  # [-] sums that differ by less are as large, in whatever order added
 
 
 def heights(gap: Floats, final_gap: Floats, laid: Bools) -> Floats:
@@ -225,10 +226,10 @@ def _order_events(
 ) -> Iterator[FrontEvent]:
     """The largest premature contact and the largest air pocket of one pose."""
     if early.any():
-        region = _largest(early, grid.areas)
+        region = _largest(early, grid.areas, -h)
         yield _event(EventKind.PREMATURE, pose, -h, region, grid)
     if pockets.any():
-        region = _largest(pockets, grid.areas * h)
+        region = _largest(pockets, grid.areas * h, h)
         yield _event(EventKind.AIR_POCKET, pose, h, region, grid)
 
 
@@ -249,11 +250,14 @@ def _depth_events(
         yield _event(EventKind.PAD_PENETRATION, pose, -h, pads_sunk, grid)
 
 
-def _largest(labels: Ints, weights: Floats) -> Bools:
-    """Region of the positive label with the largest sum of weights."""
+def _largest(labels: Ints, weights: Floats, depth: Floats) -> Bools:
+    """Region with the largest sum of weights; of equally large ones the deepest."""
     sums = np.bincount(labels.ravel(), weights.ravel())
     sums[0] = -np.inf
-    return labels == np.argmax(sums)
+    deepest = np.full(len(sums), -np.inf)
+    np.maximum.at(deepest, labels.ravel(), depth.ravel())
+    deepest[sums < sums.max() * (1 - EQUAL)] = -np.inf
+    return labels == np.argmax(deepest)
 
 
 def _event(

@@ -5,7 +5,7 @@ No deadlines: the first call compiles, and loads what was compiled.
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import gaussian_filter
@@ -219,6 +219,7 @@ def test_more_barrier_never_finds_more(number, fall):
 
 @settings(max_examples=25, deadline=None)
 @given(number=st.integers(0, 10**9), flip=st.sampled_from(["s", "t", "transpose"]))
+@example(number=138851862, flip="s")  # two contacts as large, one deeper
 def test_flips_and_transposes_change_nothing(number, flip):
     """The verdict's sizes do not depend on how the ply's coordinates run."""
     grid = make_grid(rows=3, columns=3, start_cup=4)
@@ -236,10 +237,7 @@ def test_flips_and_transposes_change_nothing(number, flip):
     events = [sorted(v.events, key=lambda e: e.kind.value) for v in (mine, turned)]
     assert [e.kind for e in events[0]] == [e.kind for e in events[1]]
     for one, other in zip(*events, strict=True):
-        alike = ["area", "volume", "depth"]
-        if one.kind is EventKind.PREMATURE:  # of several as large, any one is told
-            alike = ["area"]
-        for name in alike:
+        for name in ("area", "volume", "depth"):
             assert_allclose(getattr(one, name), getattr(other, name), atol=ROUNDING)
 
 
