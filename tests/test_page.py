@@ -82,6 +82,8 @@ def test_drapes_share_one_time_line(pair, views):
             points = pair.run(f"Array.from(app.drapes[{i}].ply.points.array)")
             wanted = view.ply_points[pose].ravel()
             assert_allclose(points, wanted, rtol=0, atol=20e-6)
+            now = pair.page.locator(".head .now").nth(i)
+            assert now.inner_text() == view.labels[pose]
             pane = pair.page.locator(".pane").nth(i)
             assert view.labels[pose] in pane.get_attribute("aria-label")
             cells = pair.page.locator(f"#figures td.count:nth-child({i + 2})")

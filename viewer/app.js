@@ -3,7 +3,7 @@
  *
  *   app.book               header of the page: drapes, moments, palettes, states, views, limits
  *   app.drapes[i]          plan (header of that drape), view(Type, blob) for its arrays, pose,
- *                          viewer (meshcat's), ply, cups, dom {column, pane, head, verdict}, letter
+ *                          viewer (meshcat's), ply, cups, dom {column, pane, head, now, verdict}, letter
  *   app.pose               the moment shown: with one drape its pose, with more a place on the
  *                          time line that they share (drape.pose is each one's own)
  *   app.moment             what the time line says of it: phase, step (0 the start cup, -1 none),
@@ -75,10 +75,11 @@ class App {
     this.timeline.jump(found < 0 ? this.timeline.last : found);
   }
 
-  /** What happens now, once where all drapes say the same. */
+  /** What happens now; where drapes differ each says it below its own title. */
   label() {
-    const texts = this.drapes.map(({ plan, pose }) => plan.labels[pose]);
-    return new Set(texts).size === 1 ? texts[0] : texts.map((text, i) => `${this.drapes[i].letter}: ${text}`).join(" · ");
+    const [first, ...others] = this.drapes.map(({ plan, pose }) => plan.labels[pose]), { phase, step } = this.moment;
+    if (others.every((text) => text === first)) return first;
+    return step > 0 ? `Wave step ${step}` : phase[0].toUpperCase() + phase.slice(1);
   }
 
   look(name) {
@@ -116,6 +117,7 @@ class App {
     byId(place).append(holder);
     const button = toggle(name, (on) => {
       holder.hidden = !on;
+      if (on) holder.scrollIntoView({ block: "nearest" });
     }, { title: label });
     button.set(open);
     byId("panels").append(button);

@@ -46,7 +46,7 @@ class Drape {
   addColumn() {
     const { plan } = this, column = byId("column").content.cloneNode(true).firstElementChild;
     const find = (name) => column.querySelector(`.${name}`);
-    const dom = { column, pane: find("pane"), tags: find("tags"), head: find("head"), verdict: find("verdict") };
+    const dom = { column, pane: find("pane"), tags: find("tags"), head: find("head"), now: find("now"), verdict: find("verdict") };
     find("title").textContent = this.book.drapes.length > 1 ? `${this.letter} · ${plan.title}` : plan.title;
     find("subtitle").textContent = plan.subtitle;
     find("answer").textContent = plan.verdict[0] ?? "";
@@ -61,6 +61,7 @@ class Drape {
   show(pose, palette) {
     this.pose = pose;
     for (const part of this.shown) part.show(pose, palette);
+    this.dom.now.textContent = this.plan.labels[pose];
     this.dom.pane.setAttribute("aria-label", `${this.plan.title}: ${this.plan.labels[pose]}`);
     this.viewer.set_dirty();
   }
