@@ -364,6 +364,17 @@ def test_panels_are_reached_by_keyboard_and_named(opened):
     assert section.is_hidden()
 
 
+def test_an_opened_panel_is_in_sight(opened):
+    """Also where those above it leave no room."""
+    opened.page.set_viewport_size({"width": 1280, "height": 500})
+    panel(opened, "Plan")
+    box = opened.page.locator(".facts").bounding_box()
+    foot = opened.page.locator("#foot").bounding_box()
+    assert 0 <= box["y"] < box["y"] + box["height"] <= foot["y"]
+    panel(opened, "Plan", on=False)
+    opened.page.set_viewport_size({"width": 1280, "height": 720})
+
+
 def test_texts_of_the_plan_are_never_markup(opened):
     for element in ("img", ".panel-body b", ".verdict b"):
         assert opened.page.locator(element).count() == 0

@@ -22,7 +22,7 @@ class Curves {
   constructor(app) {
     Object.assign(this, { app, values: app.drapes.map((drape) => curveValues(app, drape)) });
     this.most = app.drapes[0].plan.details.margins.most;
-    this.least = Math.min(-0.1 * this.most, ...this.values.flat().map(({ margin }) => margin));
+    this.least = -0.2 * this.most; // the fault has happened: how far beyond says little
     this.faults = app.drapes.flatMap((drape) => faultsOf(drape));
     this.figure = byId("chart");
     const jump = (event) => {
