@@ -12,7 +12,7 @@ TOE = "[deg] by which landing cups lean back, their outer edge up"
 OFFSET = (
     "[mm] from the placed pads' outer rim to where the lift begins; centers at least"
 )
-CIRCLE = "[mm] from the outermost placed cup's center to where the lift begins"
+CIRCLE = "[mm] from the outermost placed center to where the lift begins"
 LIFT = "[1/m] c of c d^2; one number, or one along s and one along t"
 Lift = Annotated[float, Field(gt=0, le=100)]
 
@@ -40,7 +40,7 @@ class RadialPath(FamilySection):
     family: Literal["radial"]
     lift_per_m: Lift = 0.6
     bend_mm: Size = 120.0
-    front_offset_mm: Annotated[float, Field(ge=0, le=100, description=CIRCLE)] = 0.0
+    front_offset_mm: Annotated[float, Field(ge=0, le=100, description=CIRCLE)] = 10.0
 
 
 class HoverPath(FamilySection):

@@ -9,7 +9,7 @@ from drapeplan.wave import progress, shaping
 from tests.plans import BOWL, PARABOLOID, SADDLE, scene, stages
 from tests.tolerances import EXACT, LINK
 
-RADIAL = {"family": "radial", "front_offset_mm": 2, "poses_per_step": 5}
+RADIAL = {"family": "radial", "poses_per_step": 5}
 HOVER = {"family": "hover", "height_mm": 5}
 
 
