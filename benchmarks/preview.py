@@ -61,7 +61,7 @@ def _figures(views: list[PlanView], file: Path, runs: int) -> dict[str, object]:
         start = time.perf_counter()
         figures = export(views, file)
         seconds.append(time.perf_counter() - start)
-    made = {"poses": figures["poses"], "export_s": min(seconds)}
+    made: dict[str, object] = {"poses": str(figures["poses"]), "export_s": min(seconds)}
     made["megabytes"] = file.stat().st_size / 1e6
     try:
         return made | page_figures(file, runs)
