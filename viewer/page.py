@@ -39,8 +39,7 @@ VIEWS = (
 
 
 def _asset(name: str) -> str:
-    file = resources.files("viewer").joinpath(name)
-    return file.read_text(encoding="utf-8") if file.is_file() else ""
+    return resources.files("viewer").joinpath(name).read_text(encoding="utf-8")
 
 
 def _meshcat(name: str) -> str:
