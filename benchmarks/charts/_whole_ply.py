@@ -45,6 +45,7 @@ def whole_ply(quick: bool) -> list[dict]:
             "set": "whole",
             "method": method,
             "setting": f"{step:g} mm",
+            "cases": batch,
             "ms": 1e3 * times[method, step] / batch,
             "rms_mm": errors[method, step],
         }

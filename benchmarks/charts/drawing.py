@@ -63,7 +63,9 @@ def provenance(results: Results) -> str:
         f"{made['processor']}, Python {made['python']}, {made['versions']}; "
         f"{made['date']}" + (", quick run" if made["quick"] else "")
     ]
-    lines += [f"Missing: {name}: {why}" for name, why in results.missing.items()]
+    lines += [
+        f"Not in the chart: {name}: {why}" for name, why in results.missing.items()
+    ]
     return "\n".join(textwrap.fill(line, LINE) for line in lines)
 
 

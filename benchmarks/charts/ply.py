@@ -59,7 +59,7 @@ SETS = {
     "all": "all reference cases",
     "compared": "cases that other programs relax",
     "planar": "planar strips",
-    "whole": "6 x 8 cups, batch of 64",
+    "whole": "poses of 6 x 8 cups at a time",
 }
 REFERENCE = "CalculiX"
 LOOKS = ("cubic", "quartic", "modal", "coupled, one shape", "coupled", "auto")
@@ -95,7 +95,7 @@ def draw(results: Results) -> Figure:
         rows = results.where(set=title)
         axes.set_visible(bool(rows))  # a quick run leaves one out
         whole = title == "whole"
-        count = "" if whole or not rows else f"{rows[0]['cases']} "
+        count = f"{rows[0]['cases']} " if rows else ""
         x_label = f"time a {'pose' if whole else 'case'} [ms]"
         y_label = "worst error of facets [mm]" if whole else "mean rms error [mm]"
         log_log(axes, count + text, x_label, y_label)
@@ -109,13 +109,17 @@ def draw(results: Results) -> Figure:
                 upright(axes, x[0], "CalculiX, the truth, as recorded")
             else:
                 foreign = method not in LOOKS and not whole
-                settings = {"joined": True, "hollow": foreign, "notes": _ends(notes)}
+                settings = {
+                    "joined": True,
+                    "hollow": foreign,
+                    "notes": [] if foreign else _ends(notes),
+                }
                 scatter(axes, x, y, method, k, **settings)
         drawn = [row for row in rows if row["method"] != REFERENCE]
         front(axes, [row["ms"] for row in drawn], [row["rms_mm"] for row in drawn])
         if title in ("all", "compared"):
             published(axes, PAPER_MS, PAPER_RMS, "the paper's scan,\nas published")
-    legend(figure)
+    legend(figure, columns=4)
     return figure
 
 

@@ -42,6 +42,7 @@ LABELS = {
     "worst_violation_mm": "worst violation of solved QPs [mm]",
     "refused": "share refused",
 }
+HIGHEST = 1e-2  # [mm] upper end of the axis
 LEAST = 1e-13  # [mm] violations below are drawn there
 REACHED = 1e-9  # [mm] violation of points that others' cost is compared with
 
@@ -55,7 +56,7 @@ def measure(quick: bool) -> Results:
         "planned": [p for planned, _ in recorded for p in _middle(planned, keep)],
         "stepped": [p for _, stepped in recorded for p in _middle(stepped, keep)],
         "taut": taut,
-        "contradictory": [cut for p in taut if (cut := _contradictory(p))],
+        "contradictory": [cut for p in taut[::4] if (cut := _contradictory(p))],
     }
     installed = qpsolvers.available_solvers
     missing = {
@@ -94,9 +95,10 @@ def draw(results: Results) -> Figure:
                 [row["median_ms"] for row in rows],
                 [_height(row, name) for row in rows],
             )
-            notes = [] if refusal else [_note(row) for row in rows]
+            notes = [] if refusal else _notes(rows)
             scatter(axes, x, y, method, k, joined=True, notes=notes)
         if not refusal:
+            axes.set_ylim(LEAST / 4, HIGHEST)
             rows = [row for row in of_set if row["solved"] == 1]
             front(
                 axes, [r["median_ms"] for r in rows], [_height(r, name) for r in rows]
@@ -109,9 +111,12 @@ def _height(row: dict, name: str) -> float:
     return max(row[name], LEAST) if name == "worst_violation_mm" else row[name]
 
 
-def _note(row: dict) -> str:
-    """What is not as it should be, beside a point."""
-    return "" if row["solved"] == 1 else f"{100 * row['solved']:.0f} % solved"
+def _notes(rows: list[dict]) -> list[str]:
+    """What is not solved, beside the first point of which it is so."""
+    notes = [
+        f"{100 * row['solved']:.0f} %" if row["solved"] < 1 else "" for row in rows
+    ]
+    return [note if note not in notes[:k] else "" for k, note in enumerate(notes)]
 
 
 def _contradictory(problem: QuadraticProgram) -> QuadraticProgram | None:
