@@ -21,7 +21,7 @@ from ply.fiber import Array
 
 REMEDY = "not installed: pip install 'drapeplan[peers]'"
 NOT_RUN = {  # looked at, and not taken
-    "PyBullet": "its cloth takes no bending stiffness in N m and no given start",
+    "PyBullet": "not set up: its cloth takes spring constants, no bending stiffness",
     "Taichi": "a language, which brings no cloth",
 }
 MUJOCO = {  # mesh intervals a span, steps, softness along the fibers
