@@ -85,6 +85,7 @@ def test_events_stand_at_the_poses_whose_margins_are_gone(bad):
 def test_premature_contact_is_on_the_far_cup(bad):
     pose = min(event.pose for event in bad.events)
     first = event_of(bad, EventKind.PREMATURE, pose)
+    assert all(len(event.samples) for event in bad.events)
     around = bad.cups_around.reshape(-1, 4)[first.samples]
     assert (around == FAR_CUP).any(axis=1).all()
     assert (bad.gap[pose].ravel()[first.samples] < 5e-3).all()
