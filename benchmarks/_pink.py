@@ -103,71 +103,97 @@ def step_ours(robot: Robot, q: np.ndarray, request: tuple) -> dict:
 
 def step_pink(robot: Robot, urdf: str, q: np.ndarray, request: tuple) -> dict:
     """STEPS linearizations by Pink, integrated in between."""
-    import pink
-    import pinocchio as pin
-    from pink.limits import Limit
-    from pink.tasks import FrameTask, Task
-
-    model = pin.buildModelFromXML(urdf)  # the arm stands still
-    names = [name for leg in robot.leg_names for name in leg]
-    place = np.array([model.joints[model.getJointId(name)].idx_q for name in names])
-    columns = robot.leg_columns.ravel()
-    ours = StrokeSolver(robot, LONGEST)
-
-    def whole(local):
-        full = q.copy()
-        full[columns] = local[place]
-        return full
-
-    def dense(distances, state):
-        matrix = np.zeros((len(distances), model.nv))
-        matrix[:, place] = distances.jacobian(state)[:, columns].toarray()
-        return matrix
-
-    class Interlinks(Task):
-        def compute_error(self, configuration):
-            state = robot.kinematics(whole(configuration.q))
-            return ours.closures.values(state.positions, state.rotations)
-
-        def compute_jacobian(self, configuration):
-            return dense(ours.closures, robot.kinematics(whole(configuration.q)))
-
-        def __repr__(self):
-            return "Interlinks()"
-
-    class Fibers(Limit):
-        def compute_qp_inequalities(self, configuration, dt):
-            state = robot.kinematics(whole(configuration.q))
-            chords = ours.chords.values(state.positions, state.rotations)
-            return dense(ours.chords, state), LONGEST - chords
-
-    start = np.zeros(model.nq)
-    start[place] = q[columns]
-    data = model.createData()
-    tool = robot.kinematics(q).T_world_tool
-    tasks = []
-    for cup in range(robot.n_cups):
-        name = f"cup_{cup // robot.columns}_{cup % robot.columns}_face"
-        task = FrameTask(name, position_cost=1e3, orientation_cost=35.0)
-        R = tool[:3, :3].T @ request[1][cup] @ np.diag([1.0, -1.0, -1.0])
-        p = tool[:3, :3].T @ (request[0][cup] - tool[:3, 3])
-        task.set_target(pin.SE3(R, p))
-        tasks.append(task)
-    options = {
-        "limits": [pink.limits.ConfigurationLimit(model, 1.0), Fibers()],
-        "constraints": [Interlinks()],
-        "safety_break": False,
-    }
+    tool = PinkTool(robot, urdf, q)
     times = []
     for _ in range(3):
-        configuration = pink.Configuration(model, data, start, copy_data=False)
         begun = time.perf_counter()
-        for _ in range(STEPS):
-            v = pink.solve_ik(configuration, tasks, 1.0, SOLVER, 1e-6, **options)
-            configuration.integrate_inplace(v, 1.0)
+        there = tool.solve(q, request, STEPS)
         times.append(time.perf_counter() - begun)
     ms = 1e3 * float(np.median(times)) / STEPS
-    return {"ms": round(ms, 3), **residuals(robot, whole(configuration.q), request)}
+    return {"ms": round(ms, 3), **residuals(robot, there, request)}
+
+
+class PinkTool:
+    """A tool in Pink: cups are frame tasks, interlinks constraints, fibers limits."""
+
+    def __init__(
+        self, robot: Robot, urdf: str, q: np.ndarray, longest: float = LONGEST
+    ) -> None:
+        """Build the model; the arm stands still.
+
+        Args:
+            robot: Arm and tool.
+            urdf: The tool's URDF.
+            q: Gives the arm's coordinates, shape (nq,).
+            longest: Of the fibers, [m].
+        """
+        import pinocchio as pin
+        from pink.limits import ConfigurationLimit, Limit
+        from pink.tasks import FrameTask, Task
+
+        self.robot, self.q = robot, q
+        self.model = model = pin.buildModelFromXML(urdf)
+        self.data = model.createData()
+        names = [name for leg in robot.leg_names for name in leg]
+        place = np.array([model.joints[model.getJointId(name)].idx_q for name in names])
+        self.place, columns = place, robot.leg_columns.ravel()
+        ours, whole = StrokeSolver(robot, longest), self._whole
+
+        def dense(distances, state):
+            matrix = np.zeros((len(distances), model.nv))
+            matrix[:, place] = distances.jacobian(state)[:, columns].toarray()
+            return matrix
+
+        class Interlinks(Task):
+            def compute_error(self, configuration):
+                state = robot.kinematics(whole(configuration.q))
+                return ours.closures.values(state.positions, state.rotations)
+
+            def compute_jacobian(self, configuration):
+                return dense(ours.closures, robot.kinematics(whole(configuration.q)))
+
+            def __repr__(self):
+                return "Interlinks()"
+
+        class Fibers(Limit):
+            def compute_qp_inequalities(self, configuration, dt):
+                state = robot.kinematics(whole(configuration.q))
+                chords = ours.chords.values(state.positions, state.rotations)
+                return dense(ours.chords, state), longest - chords
+
+        self.tool = robot.kinematics(q).T_world_tool
+        cups = [divmod(cup, robot.columns) for cup in range(robot.n_cups)]
+        self.tasks = [
+            FrameTask(f"cup_{i}_{j}_face", position_cost=1e3, orientation_cost=35.0)
+            for i, j in cups
+        ]
+        self.options = {
+            "limits": [ConfigurationLimit(model, 1.0), Fibers()],
+            "constraints": [Interlinks()],
+            "safety_break": False,
+        }
+
+    def _whole(self, local: np.ndarray) -> np.ndarray:
+        q = self.q.copy()
+        q[self.robot.leg_columns.ravel()] = local[self.place]
+        return q
+
+    def solve(self, q: np.ndarray, request: tuple, steps: int) -> np.ndarray:
+        """Joints, shape (nq,), after some linearizations towards poses of the cups."""
+        import pink
+        import pinocchio as pin
+
+        R_tool, origin = self.tool[:3, :3], self.tool[:3, 3]
+        for task, p, R in zip(self.tasks, *request, strict=True):
+            turned = R_tool.T @ R @ np.diag([1.0, -1.0, -1.0])
+            task.set_target(pin.SE3(turned, R_tool.T @ (p - origin)))
+        local = np.zeros(self.model.nq)
+        local[self.place] = q[self.robot.leg_columns.ravel()]
+        at = pink.Configuration(self.model, self.data, local, copy_data=False)
+        for _ in range(steps):
+            v = pink.solve_ik(at, self.tasks, 1.0, SOLVER, 1e-6, **self.options)
+            at.integrate_inplace(v, 1.0)
+        return self._whole(at.q)
 
 
 if __name__ == "__main__":

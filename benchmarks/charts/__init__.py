@@ -13,7 +13,7 @@ from pathlib import Path
 from benchmarks.charts import drawing
 from benchmarks.charts.results import read
 
-CHARTS = ("ply", "qp")  # modules of this package, in the order of docs/charts.md
+CHARTS = ("ply", "tool", "qp", "verdict")  # modules here, in order of docs/charts.md
 ROOT = Path(__file__).parents[2]
 RELEASED = ROOT / "benchmarks" / "results"  # what the documentation shows
 TRIED = ROOT / "build" / "charts"  # where quick figures go: they replace nothing

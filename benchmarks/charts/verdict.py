@@ -1,0 +1,283 @@
+"""The order of contact: how finely path and ply are looked at, against errors.
+
+Drapes of a small tool, cups as planned and off by a common error of their own each, are
+judged coarsely and finely; the reference is the finest of path and ply together. Tries
+of one wave step, as a tuner makes them by the thousand, are judged by labels or by
+floods, on a window of cups or on the whole ply; there the reference is the whole ply,
+sampled finer.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
+
+from benchmarks._timing import interleaved
+from benchmarks.charts._drapes import DOME, cell_of, example, order_of, over, swapped
+from benchmarks.charts.drawing import WIDTH, front, legend, log_log, scatter
+from benchmarks.charts.results import Results, made_with
+from drapeplan import refine
+from drapeplan.cell import Cell
+from drapeplan.contact import HIGH, front_tolerance, judge_contact
+from drapeplan.faults import Fault
+from drapeplan.frames import inverse, moved
+from drapeplan.front import pose_measures
+from drapeplan.legs import Array
+from drapeplan.path import CupState
+from drapeplan.planner import make_request
+from drapeplan.rollout import StepWindow
+from drapeplan.sequence import Sequence
+from ply.grid import CupGrid
+from ply.sampling import PlySampling
+
+SIZE = (5, 4)  # rows and columns of the tool
+SURFACES = {
+    "dome": DOME,
+    "saddle": {"kind": "paraboloid", "radius_x_m": 1.5, "radius_y_m": -1.8},
+}
+POSES = (3, 5, 10, 20)  # [-] a step; a plan has 10
+LINES = {35: (1, 2), 20: (2, 4), 10: (4, 7), 5: (8, 14)}
+"""Intervals over a cup and over a span, by the spacing of lines in [mm]."""
+PLANNED = (10, 10, True)  # poses, spacing and refinement of a plan
+FINEST = (20, 5, True)
+SEEDS = 3  # [-] errors of the cups; the first is none
+OFF, TURNED = 0.5e-3, np.radians(1.0)  # [m], [rad] standard deviations of them
+SHOWN = 3e-3  # [m] margins beyond are all alike
+WINDOW = range(2, 6), range(1, 5)  # rows and columns of cups of a step
+STEP_POSES, TRIES = 8, 32
+NOISE = 1.0e-3  # [m] of the cups in a try
+ORDER = Fault.PREMATURE | Fault.AIR_POCKET
+METHODS = ("path, waypoints alone", "path, refined", "ply, refined")
+WAYS = ("floods, whole ply", "labels, whole ply", "labels, window")
+Poses = tuple[Array, Array]
+
+
+class Case(NamedTuple):
+    """Poses of a path in the mold frame, and what the cups do in them."""
+
+    cell: Cell
+    sequence: Sequence
+    poses: Poses
+    placed: Array
+    landing: Array
+
+
+def measure(quick: bool) -> Results:
+    """Verdicts on drapes, and tries of a step."""
+    rows = _drapes(quick) + _tries(quick)
+    return Results("verdict", rows, made_with(quick=quick))
+
+
+def draw(results: Results) -> Figure:
+    """Error of margins and of depths against time; wrong verdicts of tries."""
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    panels = figure.subplots(1, 3)
+    rows = results.where(set="drape")
+    titles = {
+        "margin_error_mm": "margins to a fault",
+        "depth_error_mm": "depth of penetration",
+    }
+    for axes, (key, title) in zip(panels, titles.items(), strict=False):
+        log_log(axes, title, "time of a verdict [ms]", "mean error [mm]")
+        for k, method in enumerate(METHODS):
+            own = [row for row in rows if row["method"] == method]
+            notes = [str(row["setting"]) for row in own]
+            x, y = [row["ms"] for row in own], [row[key] for row in own]
+            scatter(axes, x, y, method, k, joined=True, notes=notes)
+        front(axes, [row["ms"] for row in rows], [row[key] for row in rows])
+    axes, rows = panels[2], results.where(set="tries")
+    title = f"tries of a step, {rows[0]['tries']} of {rows[0]['poses']} poses"
+    log_log(axes, title, "tries a second", "wrong verdicts")
+    axes.set(yscale="linear")
+    axes.yaxis.set_major_formatter(lambda x, _: f"{100 * x:.0f} %")
+    for k, way in enumerate(WAYS):
+        own = [row for row in rows if row["method"] == way]
+        x, y = [row["tries_per_s"] for row in own], [row["wrong"] for row in own]
+        notes = [str(row["setting"]) for row in own]
+        scatter(axes, x, y, way, k + len(METHODS), joined=True, notes=notes)
+    legend(figure, columns=4)
+    return figure
+
+
+def _drapes(quick: bool) -> list[dict]:
+    """Every sampling on every drape, in turns."""
+    surfaces = list(SURFACES.items())[: 1 if quick else None]
+    seeds, finest = (2, (5, 5, True)) if quick else (SEEDS, FINEST)
+    settings = {("path, refined", p): (p, PLANNED[1], True) for p in POSES}
+    settings |= {("path, waypoints alone", p): (p, PLANNED[1], False) for p in POSES}
+    settings |= {("ply, refined", mm): (PLANNED[0], mm, True) for mm in LINES}
+    if quick:
+        settings = {k: v for k, v in settings.items() if v[0] <= 5}
+    tasks: dict[tuple, list[Callable]] = {key: [] for key in (*settings, finest)}
+    for _, surface in surfaces:
+        paths = {p: _path(surface, p) for p in {s[0] for s in settings.values()}}
+        paths[finest[0]] = paths.get(finest[0]) or _path(surface, finest[0])
+        for seed in range(seeds):
+            off = {p: _off(case, seed) for p, case in paths.items()}
+            for key, setting in (settings | {finest: finest}).items():
+                tasks[key].append(partial(_judged, off[setting[0]], *setting[1:]))
+    found: dict[tuple, list] = {}
+    runs = {key: partial(_all, found, key, each) for key, each in tasks.items()}
+    times = interleaved(runs, 1)
+    truth = np.array([facts for facts, _ in found[finest]])
+    right = [good for _, good in found[finest]]
+    rows = []
+    for method, value in settings:
+        facts = np.array([facts for facts, _ in found[method, value]])
+        good = [good for _, good in found[method, value]]
+        error = 1e3 * np.abs(facts - truth)
+        rows.append(
+            {
+                "set": "drape",
+                "method": method,
+                "setting": f"{value:g} {'mm' if method.startswith('ply') else 'poses'}",
+                "drapes": len(good),
+                "ms": 1e3 * times[method, value] / len(good),
+                "margin_error_mm": float(error[:, :2].mean()),
+                "worst_margin_error_mm": float(error[:, :2].max()),
+                "depth_error_mm": float(error[:, 2:].mean()),
+                "wrong": float(np.mean(np.not_equal(good, right))),
+                "passed": float(np.mean(right)),
+            }
+        )
+    return rows
+
+
+def _all(found: dict, key: tuple, tasks: list[Callable]) -> None:
+    found[key] = [task() for task in tasks]
+
+
+def _path(surface: dict, poses: int) -> Case:
+    """The requested path of the small tool, up to the last landing."""
+    path = {"family": "rectangle_blend", "poses_per_step": poses}
+    data = over(surface, path=path, ply={"model": "cubic"}, fidelity="kinematic")
+    return _case(cell_of(data, SIZE))
+
+
+def _case(cell: Cell) -> Case:
+    sequence = order_of(cell)
+    path = make_request(cell, sequence).path
+    held = slice(0, len(path.phase) - path.phase[::-1].index("wave"))
+    poses = moved(inverse(cell.world_mold), path.positions[held], path.rotations[held])
+    states = path.states[held]
+    cups = states == CupState.PLACED, states == CupState.LANDING
+    return Case(cell, sequence, poses, *cups)
+
+
+def _off(case: Case, seed: int) -> Case:
+    """Each cup off by an error of its own until it is placed; none for seed 0."""
+    rng, n = np.random.default_rng(seed), case.placed.shape[1]
+    height = OFF * rng.normal(size=n) * bool(seed)
+    tilt = TURNED * rng.normal(size=(n, 2)) * bool(seed)
+    turn = Rotation.from_rotvec(np.append(tilt, np.zeros((n, 1)), axis=1)).as_matrix()
+    positions, rotations = case.poses
+    free = ~case.placed[..., None]
+    moved_by = np.where(free, height[:, None] * rotations[..., 2], 0.0)
+    turned = np.where(free[..., None], turn @ rotations, rotations)
+    return case._replace(poses=(positions + moved_by, turned))
+
+
+def _sampled(cell: Cell, spacing: float) -> Cell:
+    """The cell with its ply looked at on other lines."""
+    grid = cell.sampling.grid
+    on_cup, on_span = LINES[spacing]
+    s, t = (_lines(grid, count, on_cup, on_span) for count in (grid.columns, grid.rows))
+    return replace(cell, sampling=PlySampling(grid, s, t))
+
+
+def _lines(grid: CupGrid, cups: int, on_cup: int, on_span: int) -> Array:
+    """Lines over cups, spans and an overhang half as wide as a cup."""
+    half, pitch = grid.half_width, grid.pitch
+    over_cup = np.linspace(-half, half, on_cup + 1)
+    lines = [pitch * k + over_cup for k in range(cups)]
+    lines += [
+        pitch * k + np.linspace(half, pitch - half, on_span + 1)
+        for k in range(cups - 1)
+    ]
+    beyond = np.linspace(half, 2 * half, max(1, on_cup // 2) + 1)
+    lines += [-beyond, pitch * (cups - 1) + beyond]
+    return np.unique(np.round(np.concatenate(lines), 9))
+
+
+def _judged(case: Case, spacing: float, refined: bool) -> tuple[list[float], bool]:
+    """Least margins and largest depths, [m], and whether the order is right."""
+    cell = _sampled(case.cell, spacing)
+    with swapped(refine, ROUNDS=refine.ROUNDS if refined else 0):
+        found = judge_contact(cell, case.sequence, *case[2:]).front
+    margins = [
+        float(np.clip(each.min(), -SHOWN, SHOWN))
+        for each in (found.premature_margin, found.air_margin)
+    ]
+    depths = [
+        float(np.minimum(each.max(), SHOWN))
+        for each in (found.span_penetration, found.pad_penetration)
+    ]
+    return margins + depths, bool(found.in_order)
+
+
+def _tries(quick: bool) -> list[dict]:
+    """Tries of a wave step of the panel: verdicts by every way, in turns."""
+    case = _case(cell_of(example("panel", ply={"model": "cubic"})))
+    tries = 4 if quick else TRIES
+    chosen = np.flatnonzero(case.placed.any(axis=1))[STEP_POSES : 2 * STEP_POSES]
+    placed, landing = case.placed[chosen], case.landing[chosen]
+    spacings = (20, 10) if quick else (20, 10, 5)
+    windows = {(mm, True): _window(case, mm, *WINDOW) for mm in spacings}
+    cups = next(iter(windows.values())).cups
+    p, R = (np.repeat(x[None, chosen], tries, axis=0) for x in case.poses)
+    noise = NOISE * np.random.default_rng(0).normal(size=(tries, 1, len(cups), 3))
+    p[:, :, cups] += np.where(placed[None][:, :, cups, None], 0.0, noise)
+    size = range(case.cell.grid.rows), range(case.cell.grid.columns)
+    windows |= {(mm, False): _window(case, mm, *size) for mm in spacings}
+    tasks: dict[tuple[str, str], Callable] = {}
+    for (mm, small), window in windows.items():
+        own = p[:, :, window.cups], R[:, :, window.cups]
+        name = "labels, window" if small else "labels, whole ply"
+        tasks[name, f"{mm} mm"] = partial(_by_labels, window, own, placed, landing)
+        if not small:
+            whole = partial(_by_floods, window, own, placed, landing)
+            tasks["floods, whole ply", f"{mm} mm"] = whole
+    truth = tasks["floods, whole ply", f"{spacings[-1]} mm"]()
+    times = interleaved(tasks, 1 if quick else 3)
+    return [
+        {
+            "set": "tries",
+            "method": way,
+            "setting": setting,
+            "tries": tries,
+            "poses": len(chosen),
+            "tries_per_s": tries / max(times[way, setting], 1e-9),
+            "wrong": float(np.mean(task() != truth)),
+            "faulty": float(np.mean(truth)),
+        }
+        for (way, setting), task in tasks.items()
+    ]
+
+
+def _window(case: Case, spacing: float, rows: range, columns: range) -> StepWindow:
+    start = case.sequence.index(case.sequence.start_cup)
+    laid = case.poses[0][-1], case.poses[1][-1]
+    return StepWindow.of(_sampled(case.cell, spacing), start, laid, rows, columns)
+
+
+def _by_labels(window: StepWindow, poses: Poses, placed: Array, landing: Array):
+    """Whether each try loses the order, by labels alone."""
+    return ((window.faults(*poses, placed, landing) & ORDER) > 0).any(axis=1)
+
+
+def _by_floods(window: StepWindow, poses: Poses, placed: Array, landing: Array):
+    """The same from the margins that floods find, as a plan's verdict has them."""
+    limits = front_tolerance(window.cell)
+    lost = []
+    for one in zip(*poses, strict=True):
+        none = np.zeros((len(placed), *window.final_gap.shape), bool)
+        h = window.heights(*one, none)
+        gap = np.minimum(h + window.final_gap, HIGH)
+        cups = placed, landing, limits
+        margins = pose_measures(gap, window.final_gap, window.grid, *cups)[:2]
+        lost.append(margins.min() <= 0)
+    return np.array(lost)
