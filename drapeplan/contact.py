@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
+from drapeplan.front import check_front
 from drapeplan.front_grid import FrontGrid
 from drapeplan.held_ply import CUBIC, PlyModel, held_fibers, held_points
 from drapeplan.mold import HeightGrid
@@ -136,6 +137,7 @@ def judge_contact(
     poses: tuple[Array, Array],
     placed: NDArray[np.bool_],
     landing: NDArray[np.bool_],
+    refined: bool = True,
 ) -> Contact:
     """Whether the material meets the mold outward from the start.
 
@@ -148,6 +150,7 @@ def judge_contact(
         poses: Cup poses in the mold frame; in the last one all cups are placed.
         placed: Placed cups of each pose, shape (K, n).
         landing: Landing cups of each pose, shape (K, n).
+        refined: Whether the ply is judged between poses, too.
     """
     choice, fibers = choose_ply(cell, *poses)
     points, gap = ply_over_mold(cell, *poses, choice.model, fibers)
@@ -165,8 +168,10 @@ def judge_contact(
         points = held_points(cell, held, *stops.poses, choice.model)[new]
         return seen(cell.mold.gap(points, beside=FAR))
 
-    waypoints = Stops.at_waypoints(poses, placed, landing)
-    front = judge_between(
-        waypoints, seen(gap), final, samples, front_tolerance(cell), between
-    )
+    tolerance = front_tolerance(cell)
+    if refined:
+        stops = Stops.at_waypoints(poses, placed, landing)
+        front = judge_between(stops, seen(gap), final, samples, tolerance, between)
+    else:
+        front = check_front(seen(gap), final, samples, placed, landing, tolerance)
     return Contact(points, gap, beside, front, choice, fibers, cell.mold)

@@ -306,6 +306,7 @@ def _not_drapable(
         ),
         np.concatenate([none, wave.placed]),
         np.concatenate([none, wave.landing]),
+        refined=False,
     )
     steps = len(sequence.steps)
     names = ["Approach"]
