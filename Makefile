@@ -1,7 +1,7 @@
 # make demo      plans a real scene and writes its preview
 # make test      lint, types and tests
 # make bench     the benchmarks and their charts, with other programs to compare with
-# make pictures  the README's pictures
+# make pictures  the pictures of README and docs; needs a Chromium
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
@@ -25,6 +25,7 @@ lint: $(READY)
 
 pictures: $(READY)
 	$(RUN)/drapeplan plan examples/panel.yaml -o build/plan.json --figure docs/first-touch.png
+	$(RUN)/python docs/pictures.py
 
 bench: $(READY)
 	-$(RUN)/python -m pip install --quiet --disable-pip-version-check -e '.[peers]'

@@ -8,13 +8,17 @@ import pytest
 from tests.plans import EXAMPLES
 
 ANSWERS = {"channel": 1, "kindrape": 0, "paraboloid": 0, "saddle": 0}
+ANSWERS |= {"air_pocket": 1, "far_cup": 1}
 ALONE = {"border_first", "panel"}  # a test of their own: below; tests/test_cli.py
-SAYS = {  # the channel is 25 mm deep, and the ply's span within 1 mm of the land
+SAYS = {
+    "air_pocket": [r"^Wave step 3 of 4: an air pocket of 1\d\d\.\d cm2 .* closes near"],
+    "far_cup": [r"^Wave step 1 of 2: the ply touches .* apart from the contact around"],
+    # the channel is 25 mm deep, and the ply's span within 1 mm of the land
     "channel": [
         r"^Laid, the ply bridges 25\.\d mm or sinks 0\.0 mm",
         r"^In order: the ply touches the mold outward from cup \(3, 2\)",
         r"^distance grid, because of an overhang of 7\.8 mm at \(-?20, -?\d+\) mm$",
-    ]
+    ],
 }
 
 

@@ -2,7 +2,6 @@
 
 import io
 import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,24 +25,21 @@ def view_of_steps():
 
 
 @pytest.fixture(scope="module")
-def taken():
+def taken(tmp_path_factory):
     """Pictures from above of the approach and of the last step."""
     from PIL import Image
 
     if find_browser() is None:
         with launch():  # skips, loudly, or fails where there must be one
             pass
-    view, before = view_of_steps(), profiles()
+    view, folder = view_of_steps(), tmp_path_factory.mktemp("profiles")
     places = [moment_of([view], text) for text in ("pose=1", "2")]
-    files = list(pictures([view], places, "Top", SIZE))
-    assert profiles() == before
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(folder))
+        files = list(pictures([view], places, "Top", SIZE))
+    assert list(folder.iterdir()) == []
     images = [Image.open(io.BytesIO(file)) for file in files]
     return [np.asarray(image.convert("RGB")).astype(int) for image in images]
-
-
-def profiles():
-    """Folders of ours beside the system's other temporary files."""
-    return sorted(Path(tempfile.gettempdir()).glob("drapeplan-*"))
 
 
 @pytest.mark.browser
@@ -69,8 +65,9 @@ def test_picture_has_a_legend_and_no_controls(taken):
         assert pressed.sum() < 20  # a view's button alone has hundreds
         bar = pixels[20:120, -240:-20]
         assert np.any(np.all(abs(bar - [254, 232, 56]) < 12, axis=-1))
-        corner = pixels[-60:, :60]  # panel with the name of the moment
-        assert np.mean(corner.min(axis=-1) > 245) > 0.3
+        named = pixels[-44:-14, -220:-20].min(axis=-1)  # what moment it is, in ink
+        assert 0.01 < np.mean(named < 110) < 0.4
+        assert np.all(pixels[10:20, 10:20] == 255)  # on white paper
 
 
 @pytest.mark.parametrize(
@@ -111,11 +108,11 @@ def test_a_broken_browser_is_one_line(tmp_path, monkeypatch, line):
     monkeypatch.setenv("DRAPEPLAN_BROWSER", shell(tmp_path, line))
     monkeypatch.setattr(chromium, "PATIENCE", 0.3)
     monkeypatch.setattr(chromium, "FAREWELL", 0.1)
-    before = profiles()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with pytest.raises(DrapeplanError, match="browser") as error, Chromium(SIZE):
         pass
     assert "\n" not in str(error.value)
-    assert profiles() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["browser"]
 
 
 def test_no_browser_is_bad_input(drapeplan, monkeypatch, tmp_path):
