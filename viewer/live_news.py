@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from drapeplan.cell import Cell, Sources, build_cell
-from drapeplan.contact import ply_over_mold
+from drapeplan.contact import clipped, ply_over_mold
 from drapeplan.frames import inverse, moved
 from drapeplan.path import Path
 from drapeplan.plan import Plan
@@ -133,6 +133,7 @@ class _Making:
         track = self._track(places, joints)
         held = self._track([min(k, self.last) for k in places], joints)
         poses = moved(inverse(self.cell.world_mold), *held.poses)
+        points, gap = ply_over_mold(self.cell, *poses)
         return PlanView(
             subtitle=f"Planning; {size_of(self.cell)}",
             verdict=["Not judged yet."],
@@ -142,7 +143,7 @@ class _Making:
             **drape_of(
                 self.cell,
                 track,
-                in_world(self.cell, *ply_over_mold(self.cell, *poses)),
+                in_world(self.cell, clipped(self.cell.mold, points, gap)[0], gap),
                 self.visuals,
             ),
         )
