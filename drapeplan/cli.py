@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from drapeplan.cli_learning import tune
+from drapeplan.cli_options import Figure, Json, PlanFile, SceneFile
 from drapeplan.console import say_error
 from drapeplan.errors import DrapeplanError, InputError
 from drapeplan.files import check_outputs, unwritable
@@ -30,11 +32,7 @@ app = typer.Typer(
     "Exit codes: 0 done and good; 1 done, and the answer is no; 2 bad input.",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-PlanFile = Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file (JSON).")]
-Figure = Annotated[
-    Path | None, typer.Option("--figure", help="Write the first-touch picture (PNG).")
-]
+app.command()(tune)
 
 
 def main() -> None:
@@ -75,7 +73,7 @@ def _unforeseen(error: Exception, as_json: bool) -> int:
 
 @app.command()
 def plan(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (YAML).")],
+    scene: SceneFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan file to write.")],
     figure: Figure = None,
     seed: Annotated[

@@ -14,6 +14,7 @@ from drapeplan.planner import make_plan
 from drapeplan.robustness import check_samples, robustness
 from drapeplan.robustness_words import document
 from drapeplan.scene import Scene, read_scene
+from drapeplan.tuned import tuned_lines
 from drapeplan.words import summary
 
 
@@ -66,7 +67,7 @@ def plan_command(
     result.write(output)
     verdict = result.verdict
     front, lag = outcome.contact.front, result.document["kinematic_lag"]
-    lines = summary(verdict, front, outcome.plan.track, lag)
+    lines = summary(verdict, front, outcome.plan.track, lag) + tuned_lines(read)
     if figure:
         draw_first_touch(figure, outcome.plan, outcome.contact, scene.stem)
     show_verdict(verdict, lines, as_json, robust, written)

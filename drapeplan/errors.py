@@ -1,10 +1,18 @@
 """Errors of drapeplan: each carries its data and knows its exit code."""
 
+from __future__ import annotations
+
+from typing import Any
+
 
 class DrapeplanError(Exception):
     """Base of all errors that end a command with one clear line."""
 
     exit_code = 2
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel between processes as it is, however it was made."""
+        return _restored, (type(self), self.args, self.__dict__)
 
 
 class InputError(DrapeplanError):
@@ -40,3 +48,12 @@ class InfeasibleError(DrapeplanError):
         self.what, self.excess, self.remedy = what, excess, remedy
         parts = [what + (f" by {excess}" if excess else ""), remedy]
         super().__init__("; ".join(part for part in parts if part))
+
+
+def _restored(
+    kind: type[DrapeplanError], arguments: tuple[Any, ...], state: dict[str, Any]
+) -> DrapeplanError:
+    """An error as it left another process."""
+    error = kind.__new__(kind, *arguments)
+    error.__dict__.update(state)
+    return error

@@ -8,15 +8,14 @@ wanted, and each is one batch of its own: the result is the same to the last bit
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
 import numpy as np
-from joblib import Parallel, delayed, parallel_config
 from numpy.typing import NDArray
 
 from drapeplan.contact import FAR
+from drapeplan.engine import Engine
 from drapeplan.errors import InputError
 from drapeplan.frames import inverse, moved
 from drapeplan.front_grid import FrontGrid
@@ -31,13 +30,10 @@ from ply.sampling import PlySampling
 
 Array = NDArray[np.float64]
 Depth = Literal["poses", "tool"]
-Item = TypeVar("Item")
-Answer = TypeVar("Answer")
 
 NEAR = 0.02  # [m] ply that is higher is out of reach of errors of common size
 SPREADS = 6  # [-] as far off as errors of any size are thought to come
 ALONE = 32  # [-] most samples for what one parameter does alone
-SHARE = 4  # [-] parts of the work that each process gets, to end together
 WORTH = 400  # [-] samples from which more processes repay their start
 
 
@@ -160,7 +156,8 @@ def robustness(
     course = make_course(plan, spread, depth, workers, keep_links)
     runs = [(k, spread) for k in range(samples)]
     runs += [(k, spread.only(name)) for name in alone for k in range(few)]
-    done = in_processes(lambda run: _sample(course, seed, *run), runs, workers)
+    with Engine(workers) as engine:
+        done = engine.map(lambda run: _sample(course, seed, *run), runs)
     parts = [done[samples + k * few :][:few] for k in range(len(alone))]
     effects = [
         Effect(name, tuple(part)) for name, part in zip(alone, parts, strict=True)
@@ -217,7 +214,8 @@ def make_course(
     table = None
     if equilibrium and depth == "poses" and spread.stiffness:
         factors = np.exp(spread.stiffness * NODES).tolist()
-        found = in_processes(rests.settle, factors, workers, share=1)
+        with Engine(min(workers, len(factors))) as engine:
+            found = engine.map(rests.settle, factors)
         table = StiffnessTable.of(rests.poses, found)
     sides = contact.fibers.sides
     links = cell.robot.tool.interlinks
@@ -239,36 +237,6 @@ def make_course(
         table,
         equilibrium and depth == "tool",
     )
-
-
-def in_processes(
-    task: Callable[[Item], Answer],
-    items: Sequence[Item],
-    workers: int,
-    share: int = SHARE,
-) -> list[Answer]:
-    """Answers of a task, in the order of its items, whoever works on them.
-
-    Args:
-        task: What to do.
-        items: On what.
-        workers: Processes; 1 works here.
-        share: Parts for each process.
-    """
-    if workers == 1 or len(items) < 2:
-        return [task(item) for item in items]
-    count = min(len(items), workers * share)
-    parts = [items[k::count] for k in range(count)]
-    with parallel_config("loky", n_jobs=workers, inner_max_num_threads=1):
-        found = Parallel()(delayed(_each)(task, part) for part in parts)
-    answers: list[Any] = [None] * len(items)
-    for k, part in enumerate(found):
-        answers[k::count] = part
-    return answers
-
-
-def _each(task: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
-    return [task(item) for item in items]
 
 
 def _sample(course: Course, seed: int, index: int, spread: Spread) -> Rollout:

@@ -153,6 +153,7 @@ class MoldSection(Section):
         return self
 
 
+OF_PATH = "hash of the path section that it was found for"
 SAMPLES = "of the samples of check --robustness"
 MODEL = "shape between the cups; auto: the cheapest within tolerance.shape_mm"
 LEFT_OUT = "change of the ply's shape that need not be modeled"
@@ -241,6 +242,22 @@ class ToleranceSection(Section):
     shape_mm: Annotated[Small, Field(description=LEFT_OUT)] = 0.2
 
 
+class CountedSection(Section):
+    """Samples in the wrong order, null where there is no plan, and the plan itself."""
+
+    wrong: Annotated[int, Field(ge=0)] | None
+    good: bool
+
+
+class TunedSection(Section):
+    """What `tune` gained, on samples that it chose nothing by; nothing reads it."""
+
+    samples: Annotated[int, Field(ge=1)]
+    before: CountedSection
+    after: CountedSection
+    path: Annotated[str, Field(description=OF_PATH)]
+
+
 class Scene(Section):
     """Everything that a plan is made from."""
 
@@ -258,6 +275,7 @@ class Scene(Section):
     uncertainty: UncertaintySection = UncertaintySection()
     fidelity: Literal["equilibrium", "kinematic"] = "equilibrium"
     seed: Annotated[int, Field(ge=0, description=SAMPLES)] = 0
+    tuned: TunedSection | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -14,9 +14,10 @@ from hypothesis import settings
 from drapeplan import cli
 from tests.plans import EXAMPLES, PARABOLOID
 
-SHARED = {  # modules that look at one another's plans
+SHARED = {  # modules that look at the same plans or cluster
     **dict.fromkeys(("test_arm_check", "test_plan", "test_resettle"), "panel"),
     **dict.fromkeys(("test_rest", "test_settling", "test_ply_rows"), "settled"),
+    **dict.fromkeys(("test_engine", "test_tune"), "cluster"),
 }
 APART = {"test_cli", "test_examples", "test_judge", "test_ladder_truth"}  # long ones
 settings.register_profile("suite", deadline=None)  # others may be at work
@@ -87,6 +88,15 @@ def write_scene(tmp_path):
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def cluster():
+    """Address of a Dask scheduler with two workers."""
+    from tests.clusters import dask_cluster
+
+    with dask_cluster() as address:
+        yield address
 
 
 @pytest.fixture(scope="session")

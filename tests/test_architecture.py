@@ -32,17 +32,22 @@ HOMES = {
     },
     "yaml": {
         *("drapeplan.reading", "urdf.sidecar", "urdf.generate"),
-        "drapeplan.identify_scene",  # scenes brought up to date
+        *("drapeplan.identify_scene", "drapeplan.scene_text"),  # brought up to date
     },
     "meshcat": {"viewer.page"},  # its script, by package metadata
     "umsgpack": {"viewer.objects"},  # meshcat's message format
-    "typer": {"drapeplan.cli"},
+    "typer": {"drapeplan.cli", "drapeplan.cli_options", "drapeplan.cli_learning"},
     "rich": {"drapeplan.console"},
     "matplotlib": {
         *("drapeplan.report", "drapeplan.report_validate"),
         *("drapeplan.report_robustness", "drapeplan.report_identify"),
     },
-    "joblib": {"drapeplan.robustness"},
+    "loky": {"drapeplan.engine"},
+    "cloudpickle": {"drapeplan.engine"},
+    "distributed": {"drapeplan.engine"},  # where a cluster is asked for
+    "cma": {"drapeplan.tune"},
+    "pyarrow": {"drapeplan.rollout_file"},
+    "sklearn": {"drapeplan.surrogate"},  # where a surrogate is asked for
 }
 BY_NAME = {  # dependencies that no import shows
     "example-robot-data": "urdf.arm",  # data, found through package metadata
@@ -51,7 +56,8 @@ BY_NAME = {  # dependencies that no import shows
     "meshcat": "viewer.page",  # its script
     "pycollada": "drapeplan.visuals",  # how trimesh reads the arm's meshes
 }
-IMPORTED_AS = {"pin": "pinocchio", "pyyaml": "yaml"}
+IMPORTED_AS = {"pin": "pinocchio", "pyyaml": "yaml", "scikit-learn": "sklearn"}
+EXTRAS = ("cluster", "learn")  # imported where asked for; installed by who asks
 BROUGHT = {"umsgpack", "coal"}  # by meshcat; by pin
 GEOMETRY = (
     *("mold", "mesh", "surfaces", "links", "geodesic", "net", "shear"),
@@ -171,6 +177,7 @@ def test_viewer_is_for_the_command_line_alone_and_late(name):
 def test_planner_is_for_the_command_line_and_the_check(name):
     users = {"drapeplan.commands_plan", "drapeplan.commands_live"}
     users |= {"drapeplan.console", "drapeplan.check"}
+    users |= {"drapeplan.commands_tune", "drapeplan.trial"}  # plans many paths
     if name not in users:
         assert "drapeplan.planner" not in imports(name)
     if name not in ("drapeplan.__main__",):
@@ -201,6 +208,8 @@ def test_every_dependency_is_used():
         if package not in BY_NAME:
             assert IMPORTED_AS.get(package, package) in used, f"nothing uses {package}"
     assert set(BY_NAME) <= set(needed)
+    optional = project["project"]["optional-dependencies"]
+    needed += [re.split(r"[<>=~]", d)[0] for extra in EXTRAS for d in optional[extra]]
     for package in used - BROUGHT:
         names = {package, *(k for k, v in IMPORTED_AS.items() if v == package)}
         assert names & set(needed), f"{package} is imported and not declared"

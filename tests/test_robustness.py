@@ -12,7 +12,7 @@ from drapeplan.intervals import share_interval
 from drapeplan.noise import Spread
 from drapeplan.plan import Plan
 from drapeplan.report_robustness import tornado_figure
-from drapeplan.robustness import Effect, Robustness, in_processes, robustness
+from drapeplan.robustness import Effect, Robustness, robustness
 from drapeplan.robustness_words import document, sentences, table
 from drapeplan.rolling import CAP, Rollout
 from drapeplan.scene import UncertaintySection
@@ -100,10 +100,6 @@ def test_the_plan_itself_is_among_the_answers(found):
 def test_numbers_of_samples(samples):
     with pytest.raises(InputError, match="must be 1 to"):
         robustness(wave_plan(), samples)
-
-
-def test_answers_keep_the_order_of_the_items():
-    assert in_processes(lambda x: x * x, list(range(7)), 1) == [k * k for k in range(7)]
 
 
 def test_what_counts_as_wrong():

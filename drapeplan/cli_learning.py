@@ -1,0 +1,51 @@
+"""Commands that choose and learn; heavy imports wait until they run."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drapeplan.cli_options import Json, SceneFile
+
+
+def tune(
+    scene: SceneFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Scene to write.")],
+    rollouts: Annotated[
+        Path, typer.Option(help="File of all simulations to write (Parquet).")
+    ],
+    budget: Annotated[int, typer.Option(help="Paths that the search tries.")] = 64,
+    samples: Annotated[int, typer.Option(help="Random samples of each.")] = 16,
+    held_out: Annotated[int, typer.Option(help="Samples that tell the gain.")] = 200,
+    search: Annotated[
+        str | None,
+        typer.Option(help="Fidelity of the search: equilibrium or kinematic."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Overrides the scene's seed.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes; default: one a core.")
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="Dask scheduler, as tcp://host:8786.")
+    ] = None,
+    surrogate: Annotated[
+        bool, typer.Option("--surrogate", help="One learned proposal more.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the file of simulations.")
+    ] = False,
+    as_json: Json = False,
+) -> int:
+    """Better the path of a scene by many simulations under its uncertainty."""
+    from drapeplan.commands_tune import Wanted, Workforce, tune_command
+    from drapeplan.tune import Effort
+
+    effort = Effort(budget, samples, held_out)
+    wanted = Wanted(output, rollouts, effort, seed, search, surrogate, resume)
+    force = Workforce(workers or os.cpu_count() or 1, cluster)
+    return tune_command(scene, wanted, force, as_json)

@@ -1,0 +1,115 @@
+"""Tuning space: the typed parameters of a path family as a point of a unit box.
+
+Times are no parameters: the drape is judged at rest, so no margin depends on them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath
+from drapeplan.scene import Scene
+
+Array = NDArray[np.float64]
+Path = RectangleBlendPath | RadialPath | HoverPath
+DIGITS = 4  # [-] of a parameter: far finer than anything that can be told apart
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One parameter and where it is looked for.
+
+    Attributes:
+        name: Its key in the path section; lift along s and t have one each.
+        low: Least value, in the unit of the name.
+        high: Largest value.
+        log: Whether ratios count rather than differences.
+        of_rest: Whether it shows at equilibrium alone.
+    """
+
+    name: str
+    low: float
+    high: float
+    log: bool = False
+    of_rest: bool = False
+
+
+TOE = Knob("toe_up_deg", 0.0, 6.0, of_rest=True)
+BEND = Knob("bend_mm", 40.0, 400.0, log=True)
+KNOBS: dict[str, tuple[Knob, ...]] = {
+    "rectangle_blend": (
+        Knob("lift_s_per_m", 0.15, 3.0, log=True),
+        Knob("lift_t_per_m", 0.15, 3.0, log=True),
+        BEND,
+        Knob("rim_offset_mm", -20.0, 60.0),
+        TOE,
+    ),
+    "radial": (
+        Knob("lift_per_m", 0.15, 3.0, log=True),
+        BEND,
+        Knob("front_offset_mm", 0.0, 80.0),
+        TOE,
+    ),
+    "hover": (Knob("height_mm", 2.0, 40.0, log=True), TOE),
+}
+
+
+class Space:
+    """The box around a scene's path family, wide enough for the scene's own values."""
+
+    def __init__(self, scene: Scene, rest: bool) -> None:
+        """Lay out the box.
+
+        Args:
+            scene: Gives the family and the values that nothing tunes.
+            rest: Whether paths are judged at equilibrium.
+        """
+        self.base: Path = scene.path
+        family = KNOBS[self.base.family]
+        self.knobs = tuple(knob for knob in family if rest or not knob.of_rest)
+        own = list(self.values(self.base).values())
+        low = np.minimum([knob.low for knob in self.knobs], own)
+        high = np.maximum([knob.high for knob in self.knobs], own)
+        self.log = np.array([knob.log for knob in self.knobs])
+        self.low, self.high = self._scaled(low), self._scaled(high)
+
+    def values(self, path: Path) -> dict[str, float]:
+        """What is tuned, by name.
+
+        Args:
+            path: A path of the family.
+        """
+        known = path.model_dump()
+        lift = known.get("lift_per_m")
+        s, t = lift if isinstance(lift, tuple) else (lift, lift)
+        known |= {"lift_s_per_m": s, "lift_t_per_m": t}
+        return {knob.name: float(known[knob.name]) for knob in self.knobs}
+
+    def point(self, path: Path) -> Array:
+        """A path as a point of the box, shape (n,), from 0 to 1."""
+        own = np.array(list(self.values(path).values()))
+        return np.asarray((self._scaled(own) - self.low) / (self.high - self.low))
+
+    def path(self, point: Array) -> Path:
+        """The path of a point, its values rounded to DIGITS.
+
+        Args:
+            point: Shape (n,); what lies outside the box is brought to its border.
+        """
+        scaled = self.low + np.clip(point, 0, 1) * (self.high - self.low)
+        plain = np.where(self.log, np.exp(scaled), scaled)
+        found: dict[str, Any] = {
+            knob.name: float(f"{value:.{DIGITS}g}")
+            for knob, value in zip(self.knobs, plain, strict=True)
+        }
+        if "lift_s_per_m" in found:
+            lift = found.pop("lift_s_per_m"), found.pop("lift_t_per_m")
+            found["lift_per_m"] = lift
+        return type(self.base).model_validate(self.base.model_dump() | found)
+
+    def _scaled(self, values: Array) -> Array:
+        return np.where(self.log, np.log(np.maximum(values, 1e-12)), values)
