@@ -299,8 +299,12 @@ def test_page_grows_with_the_plan_and_ends_as_its_preview(plan, browser):
         assert page.run("document.getElementById('slider').max") == str(count - 1)
         page.wait("document.getElementById('news').textContent.includes('50 %')")
         assert page.run("app.pose") == count - 1  # it follows
+        assert page.page.locator("#news").is_visible()
+        assert not page.page.locator("#chart").is_visible()
         assert_shown(page, plan, half // 2)
         assert_shown(page, plan, count - 10)
+        page.run("() => app.show(app.timeline.endOf(1))")
+        assert page.run("app.drapes[0].front.mesh.count") > 10
         page.run("() => app.timeline.jump(3)")
         news.waypoint(3, plan.track.q[half])  # bettered
         page.wait(f"document.body.dataset.since == {count + 1}")

@@ -15,6 +15,7 @@ class Growing {
     ply.track = { count: ply.track.count, read: (k, out) => at(k).ply.read(at(k).from, out) };
     ply.levels = (k) => at(k).levels;
     cups.state = (k, i) => at(k).states[i];
+    this.drape.front.laid = new Uint8Array(ply.track.count).fill(1); // on the mold, until it is known
     for (const body of bodies.moving) body.matrices = [];
     this.put(plan.labels.map((_, k) => k), plan, view, app.book.moments);
   }
@@ -44,15 +45,17 @@ class Growing {
 
 /** Ask for news, put them on the page, and ask again until the plan is there. */
 extensions.push((app) => {
-  const growing = new Growing(app), note = element("div", "Planning", { id: "news", class: "panel", role: "status" });
+  const growing = new Growing(app), note = element("div", "", { id: "news", class: "controls", role: "status" });
   const follow = toggle("Follow", () => {}, { title: "Show each pose as it is solved" });
   const text = element("span");
-  note.replaceChildren(text, follow);
-  document.body.append(note);
+  note.append(text, follow);
+  byId("wide").append(note);
+  byId("chart").style.display = "none"; // curves belong to the verdict, as does its mark
+  growing.drape.dom.head.querySelector(".answer").classList.remove("good");
   follow.set(true);
   const jump = app.timeline.jump.bind(app.timeline);
   app.timeline.jump = (moment) => { follow.set(false); jump(moment); };
-  let since = app.book.live, failed = 0;
+  let since = app.book.live, latest = app.timeline.last, failed = 0;
   const ask = async () => {
     const answer = await fetch(`news?since=${since}`);
     if (!answer.ok) throw new Error(answer.statusText);
@@ -63,18 +66,17 @@ extensions.push((app) => {
     if (news.payload) {
       const { book, view } = await unpack(news.payload);
       growing.put(book.places, book.drape, view, book.moments);
-      const shown = follow.getAttribute("aria-pressed") === "true" ? book.places.at(-1) : app.pose;
-      app.show(shown);
+      latest = book.places.at(-1);
     }
+    if (follow.getAttribute("aria-pressed") === "true") app.show(latest);
+    else if (news.payload) app.show(app.pose);
     text.textContent = news.text;
     if (news.ended === "plan") return location.reload();
-    if (news.ended) note.classList.add("bad");
-    else setTimeout(() => ask().catch(retry), news.payload ? 0 : ASK);
+    if (!news.ended) setTimeout(() => ask().catch(retry), news.payload ? 0 : ASK);
   };
   const retry = () => {
     if (++failed < TRIES) return setTimeout(() => ask().catch(retry), ASK);
     text.textContent = "The planner has stopped.";
-    note.classList.add("bad");
   };
   setTimeout(() => ask().catch(retry), 0);
 });
