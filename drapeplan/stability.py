@@ -16,6 +16,7 @@ from drapeplan.tool_energy import ToolTerms
 
 HOLD = 1e7  # [N/m] springs that hold rows: 1e-8 of the curvature is lost by them
 STEPS = 28  # of Lanczos' method; 26 bring the default tool to 1e-10
+MOST_STEPS = 4 * STEPS  # for larger tools, whose least curvatures lie closer together
 SURE = 1e-4  # [-] error of an eigenvalue, by its residual, that is good enough
 
 
@@ -46,7 +47,7 @@ def lanczos(factor: Array) -> float | None:
         The eigenvalue; None if it is not known well enough.
     """
     size = factor.shape[1]
-    steps = min(STEPS, size)
+    steps = min(MOST_STEPS, size)
     basis, tridiagonal = np.zeros((steps, size)), np.zeros((steps, steps))
     vector = np.random.default_rng(0).normal(size=size)  # no symmetry to fall for
     length = np.linalg.norm(vector)
@@ -57,13 +58,17 @@ def lanczos(factor: Array) -> float | None:
         for _ in range(2):  # once loses orthogonality
             vector = vector - (basis[: k + 1] @ vector) @ basis[: k + 1]
         length = np.linalg.norm(vector)
-        if k + 1 < steps:
+        done = k + 1
+        if done % STEPS == 0 or done == steps:
+            values, parts = np.linalg.eigh(tridiagonal[:done, :done])
+            left = 0.0 if done == size else length * abs(parts[-1, -1])
+            if left < SURE * values[-1]:
+                return float(1 / values[-1])
+        if done < steps:
             if length <= np.finfo(float).eps * tridiagonal[k, k]:
                 return None
             tridiagonal[k, k + 1] = tridiagonal[k + 1, k] = length
-    values, parts = np.linalg.eigh(tridiagonal)
-    left = 0.0 if steps == size else length * abs(parts[-1, -1])
-    return float(1 / values[-1]) if left < SURE * values[-1] else None
+    return None
 
 
 def dense_curvature(H: Array, J: Array) -> float:
