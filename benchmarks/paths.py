@@ -1,7 +1,7 @@
 """Path families and their parameters: P(wrong order), margins and what they cost.
 
 Each variant changes a few keys of a scene of `benchmarks.robustness`; all see the same
-samples. The rigid tool alone, unless a variant names another.
+samples, with the rigid tool.
 """
 
 import sys
@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.robustness import FIRST, SCENES, figures, plan_facts, planned
+from benchmarks.robustness import FIRST, SCENES, plan_facts, planned
+from benchmarks.robustness import figures as probability
 from drapeplan.errors import InfeasibleError
 from drapeplan.plan import Plan
 
@@ -49,12 +50,14 @@ def run(quick: bool) -> dict:
     """All variants on all scenes; two of each when quick."""
     scenes = QUICK if quick else tuple(SCENES)
     variants = list(VARIANTS)[:2] if quick else list(VARIANTS)
-    rows = []
+    lines, figures = [HEAD], {}
     for scene in scenes:
         for variant in variants:
-            rows.append(row(scene, variant, FEW if quick else SAMPLES))
-            print(_line(rows[-1]), file=sys.stderr)
-    return {"table": [HEAD, *map(_line, rows)], "rows": rows}
+            found = row(scene, variant, FEW if quick else SAMPLES)
+            lines.append(_line(found))
+            print(lines[-1], file=sys.stderr)
+            figures[f"{scene}, {variant}"] = found
+    return {"table": lines, "figures": figures}
 
 
 def row(scene: str, variant: str, samples: int) -> dict:
@@ -67,7 +70,7 @@ def row(scene: str, variant: str, samples: int) -> dict:
         plan = planned(scene, "drape_tool_6x8", **sections)
     except InfeasibleError as error:
         return found | {"refused": str(error)}
-    return found | plan_facts(plan) | nominal(plan) | figures(plan, FIRST, samples)
+    return found | plan_facts(plan) | nominal(plan) | probability(plan, FIRST, samples)
 
 
 def nominal(plan: Plan) -> dict:

@@ -15,7 +15,7 @@ from drapeplan.legs import STROKE, cup_poses, leg_coordinates
 from drapeplan.motion import duration
 from drapeplan.path import CupState
 from drapeplan.rings import outward, toe_down
-from drapeplan.settling import GIVEN, settle_path
+from drapeplan.settling import FADE, GIVEN, _Walk, settle_path
 from drapeplan.touch import judge_touch
 from tests.plans import scene
 from tests.settled import DOME, drape, settled, settled_track, small
@@ -255,3 +255,17 @@ def test_a_correction_without_a_rest_is_made_in_part(fussy):
 
 def test_where_no_correction_rests_the_strokes_of_the_request_stay(fussy):
     assert fussy(1e-9) <= 1e-9
+
+
+def test_cups_lean_back_until_they_are_laid_flat():
+    """In full from FADE on, half of it at half of FADE, not at all on the mold."""
+    made = drape(DOME, path={"family": "rectangle_blend", "toe_up_deg": 3})
+    path, n = made.request.path, made.cell.robot.n_cups
+    last = len(path.phase) - 1 - path.phase[::-1].index("wave")
+    heights = FADE * np.resize([0.0, 0.5, 1.0, 4.0], n)
+    lifted = path.positions.copy()
+    lifted[last - 1] = lifted[last] + heights[:, None] * path.rotations[last][..., 2]
+    walk = _Walk(made.cell, replace(path, positions=lifted), made.motion, lead=True)
+    expected = np.radians(3) * np.minimum(heights / FADE, 1.0)
+    np.testing.assert_allclose(walk._lean(last - 1), expected, atol=1e-12)
+    np.testing.assert_allclose(walk._lean(last), 0.0, atol=1e-12)
