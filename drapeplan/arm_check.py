@@ -32,8 +32,11 @@ def judge_arm(cell: Cell, track: Track) -> dict[str, Any]:
 
     Returns:
         Plain data with units in the keys. `good` is None where all that could be
-        checked is good, yet a geometry is missing.
+        checked is good, yet a geometry is missing. Without an arm nothing is looked at.
     """
+    if cell.robot.armless:
+        problem = "there is none: tool0 is taken where the path has it"
+        return {"good": True, "checked": False, "problem": problem}
     chain = read_chain(cell.sources.arm_urdf)
     facts = {**_limits(track), **_singularity(cell, chain, track)}
     good = facts.pop("within") and facts["least_singular_value_m"] >= SINGULAR

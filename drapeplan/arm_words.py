@@ -23,6 +23,8 @@ def arm_failures(arm: dict[str, Any], labels: Sequence[str]) -> list[str]:
         arm: That part.
         labels: What to call each waypoint.
     """
+    if "least_singular_value_m" not in arm:  # no arm
+        return []
     lines = []
     for row in arm.get("clearances", ()):
         if row["least_mm"] < row["needed_mm"]:
@@ -51,6 +53,8 @@ def arm_lines(arm: dict[str, Any]) -> list[str]:
     Args:
         arm: The arm's part of a verdict.
     """
+    if "payload" not in arm:
+        return [f"Arm: {arm['problem']}; platform and legs are not checked either."]
     lines = []
     if arm["checked"]:
         a, b = arm["between"]

@@ -19,7 +19,12 @@ NEAR = 0.8  # [rad] largest joint travel to a solution that is taken without a s
 
 
 def nearest_solution(
-    residual: Residual, lower: Array, upper: Array, seed: Array, starts: Iterable[Array]
+    residual: Residual,
+    lower: Array,
+    upper: Array,
+    seed: Array,
+    starts: Iterable[Array],
+    period: Array | float = TURN,
 ) -> tuple[Array | None, list[Array]]:
     """Coordinates with no residual, within limits, nearest to a seed.
 
@@ -33,6 +38,7 @@ def nearest_solution(
         upper: Upper limits, shape (n,), in [rad].
         seed: Where the arm comes from, shape (n,), in [rad].
         starts: Further starts, each of shape (n,), in [rad].
+        period: After which a coordinate is the same again, shape (n,); 0 for slides.
 
     Returns:
         The solution, shape (n,), or None, and where the failed starts ended.
@@ -41,7 +47,7 @@ def nearest_solution(
     ends = []
     for start in chain([seed], starts):
         q, reached = newton(residual, start)
-        q = nearest_turn(q, lower, upper, seed)
+        q = nearest_turn(q, lower, upper, seed, period)
         if not reached or np.any((q < lower) | (q > upper)):
             ends.append(q)
             continue
@@ -73,7 +79,9 @@ def newton(residual: Residual, q: Array) -> tuple[Array, bool]:
     return q, False
 
 
-def nearest_turn(q: Array, lower: Array, upper: Array, seed: Array) -> Array:
+def nearest_turn(
+    q: Array, lower: Array, upper: Array, seed: Array, period: Array | float = TURN
+) -> Array:
     """The same posture, full turns chosen within limits and near a seed.
 
     Args:
@@ -81,12 +89,13 @@ def nearest_turn(q: Array, lower: Array, upper: Array, seed: Array) -> Array:
         lower: Lower limits, shape (n,), in [rad].
         upper: Upper limits, shape (n,), in [rad].
         seed: Angles to be near, shape (n,), in [rad].
+        period: Of each, shape (n,); 0 for slides.
 
     Returns:
         Angles, shape (n,), in [rad]; outside the limits only where no turn is inside.
     """
     turns = np.round((seed - q) / TURN) + np.arange(-2, 3)[:, None]
-    choices = q + turns * TURN
+    choices = q + turns * period
     outside = (choices < lower) | (choices > upper)
     cost = np.abs(choices - seed) + 1e3 * outside
     nearest: Array = np.take_along_axis(choices, cost.argmin(axis=0)[None], axis=0)[0]

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from drapeplan.errors import InfeasibleError, InputError
-from drapeplan.inverse import nearest_solution, spread
+from drapeplan.inverse import TURN, nearest_solution, spread
 from drapeplan.legs import (
     STROKE,
     Array,
@@ -24,7 +24,7 @@ from drapeplan.legs import (
     grid_universals,
     leg_twists,
 )
-from urdf.arm import bound_joints, read_arm
+from urdf.arm import NO_ARM, bound_joints, read_arm
 from urdf.check import LEG_JOINTS, check_tool, leg_names
 from urdf.sidecar import Sidecar, read_sidecar
 
@@ -86,7 +86,7 @@ class State:
 
 
 class Robot:
-    """An arm of six revolute joints with a drape tool at its tool0.
+    """An arm of six revolute joints, or none, with a drape tool at its tool0.
 
     Attributes:
         tool: The sidecar's content: grid, springs, interlinks.
@@ -95,6 +95,7 @@ class Robot:
         n_cups: Number of cups, n.
         pitch: Distance between neighboring cups of a flat ply, [m].
         half_width: Half side of the square that a cup holds, [m].
+        armless: Whether three slides and three turns without a body stand for the arm.
         model: Pinocchio's model of arm and tool; nq = nv.
         nq: Number of coordinates.
         arm_names: Names of the arm's joints.
@@ -127,6 +128,7 @@ class Robot:
         self._arm = _arm_model(arm_urdf)
         self._arm_data = self._arm.createData()
         self._tool0 = self._arm.getFrameId("tool0")
+        self.armless = self._arm.name == NO_ARM
         tool = _parse(tool_urdf, "tool URDF")
         self.leg_names = leg_names(self.tool)
         self.geometry = _leg_geometry(self.tool)
@@ -229,10 +231,11 @@ class Robot:
             left = pin.log6(pin.updateFramePlacement(*arguments).actInv(goal)).vector
             return left, pin.getFrameJacobian(*arguments, pin.LOCAL)
 
+        periods = TURN * np.repeat([not self.armless, 1], 3)  # slides come first
         half_turn = np.minimum(np.pi, upper), np.maximum(-np.pi, lower)
         starts = spread(half_turn[1], half_turn[0], STARTS)
         seed = np.asarray(q_seed, dtype=float)
-        best, ends = nearest_solution(residual, lower, upper, seed, starts)
+        best, ends = nearest_solution(residual, lower, upper, seed, starts, periods)
         if best is None:
             placed = [self.arm_forward(np.clip(q, lower, upper)) for q in ends]
             miss = np.linalg.norm(np.array(placed)[:, :3, 3] - target[:3, 3], axis=1)
@@ -280,7 +283,8 @@ def _arm_model(urdf: str) -> pin.Model:
         if not arm.existFrame(frame):
             raise InputError("arm URDF", frame, "there is no such link")
     kinds = [joint.shortname() for joint in list(arm.joints)[1:]]
-    if len(kinds) != 6 or not all(k.startswith("JointModelR") for k in kinds):
+    turns = [k.startswith("JointModelR") for k in kinds]
+    if len(kinds) != 6 or not (all(turns) or arm.name == NO_ARM):
         raise InputError(
             "arm URDF", "", f"has {len(kinds)} joints, not six revolute ones"
         )

@@ -68,7 +68,8 @@ class ArmVisuals:
         placed = np.empty((len(q), len(self.bodies), 4, 4))
         for k, angles in enumerate(np.asarray(q, float)):
             pin.forwardKinematics(self.model, data, angles)
-            placed[k] = [data.oMi[joint].homogeneous for joint in self.joints]
+            for n, joint in enumerate(self.joints):
+                placed[k, n] = data.oMi[joint].homogeneous
         return placed
 
 

@@ -9,6 +9,15 @@ from drapeplan.errors import InputError
 
 TURN = f"{2 * math.pi:.12g}"  # [rad] either way, for joints that name no limits
 END = "_robot.urdf"
+NO_ARM = "none"  # the name that takes tool0 wherever a path has it
+_SLIDE = '<limit lower="-100" upper="100" effort="1e5" velocity="1"/>'
+_TURN = f'<limit lower="-{TURN}" upper="{TURN}" effort="1e5" velocity="1"/>'
+_JOINTS = (  # kind, axis and roll, pitch; the angles of a UR10's home hang the tool
+    *(("prismatic", axis, "0 0") for axis in ("1 0 0", "0 1 0", "0 0 1")),
+    ("revolute", "1 0 0", f"{math.pi + 1.97:.12g} 0"),
+    ("revolute", "0 1 0", f"0 {math.pi / 2:.12g}"),
+    ("revolute", "0 0 1", "0 0"),
+)
 PAYLOADS = {  # [kg] by the robot's name in its URDF, as the maker states them
     "ur3": 3.0,
     "ur3e": 3.0,
@@ -37,8 +46,9 @@ def read_arm(name_or_path: str | Path) -> str:
     """Read the text of an arm's URDF.
 
     Args:
-        name_or_path: A name such as "ur10", or the path of a URDF. Anything with a
-            folder or the suffix .urdf in it is a path.
+        name_or_path: A name such as "ur10", "none" for three slides and three turns
+            without a body, or the path of a URDF. Anything with a folder or the suffix
+            .urdf in it is a path.
 
     Returns:
         Text of the URDF.
@@ -47,6 +57,8 @@ def read_arm(name_or_path: str | Path) -> str:
         InputError: The name is unknown or the file cannot be read.
     """
     path = Path(name_or_path)
+    if str(path) == NO_ARM:
+        return _no_arm()
     try:
         if path.suffix == ".urdf" or len(path.parts) > 1:
             return path.read_text("utf-8")
@@ -58,6 +70,19 @@ def read_arm(name_or_path: str | Path) -> str:
         raise InputError(str(path), "", f"cannot be read: {reason}") from error
     remedy = f"use {', '.join(known) or 'pip install example-robot-data'}, or a path"
     raise InputError("robot", "name", f"no arm is called {str(path)!r}", remedy)
+
+
+def _no_arm() -> str:
+    """Six joints that take tool0 anywhere, none of which is a body."""
+    links = ["base_link", *(f"frame_{k}" for k in range(1, 6)), "tool0"]
+    joints = [
+        f'<joint name="arm_{k}" type="{kind}"><parent link="{links[k]}"/>'
+        f'<child link="{links[k + 1]}"/><origin xyz="0 0 0" rpy="{turned} 0"/>'
+        f'<axis xyz="{axis}"/>{_SLIDE if kind == "prismatic" else _TURN}</joint>'
+        for k, (kind, axis, turned) in enumerate(_JOINTS)
+    ]
+    bodies = "".join(f'<link name="{link}"/>' for link in links)
+    return f'<robot name="{NO_ARM}">{bodies}{"".join(joints)}</robot>'
 
 
 def bound_joints(urdf: str, source: str = "arm URDF") -> str:
