@@ -16,6 +16,7 @@ from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
 from drapeplan.path import CupState
 from drapeplan.plan import Plan, document_hash, source_hashes
 from drapeplan.planner import lag_facts, make_request, net_facts, refill
+from drapeplan.ranking import row_of
 from drapeplan.robustness import Robustness, robustness
 from drapeplan.robustness_words import document as plain
 from drapeplan.settling import GIVEN
@@ -75,6 +76,10 @@ def check_plan(plan: Plan) -> Check:
     if told and not differing:
         robust = robustness(plan, told["samples"], depth=told["depth"])
         differing += _compare("robustness", told, plain(robust))
+    if block := plan.document.get("candidates"):
+        first = block["rows"][0]
+        made = row_of(plan, first["why"], first["samples"], block["seed"])
+        differing += _compare("candidates.rows.0", first, made.model_dump(mode="json"))
     violated = failures(verdict, contact.front, plan.track)
     return Check(tuple(broken), tuple(differing), tuple(violated), verdict, robust)
 

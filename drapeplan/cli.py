@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from drapeplan.cli_learning import tune
+from drapeplan.cli_learning import rank, tune
 from drapeplan.cli_options import Figure, Json, PlanFile, SceneFile
 from drapeplan.console import say_error
 from drapeplan.errors import DrapeplanError, InputError
@@ -32,6 +32,7 @@ app = typer.Typer(
     "Exit codes: 0 done and good; 1 done, and the answer is no; 2 bad input.",
 )
 
+app.command()(rank)
 app.command()(tune)
 
 

@@ -11,6 +11,26 @@ import typer
 from drapeplan.cli_options import Json, SceneFile
 
 
+def rank(
+    scene: SceneFile,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", help="Draw P(wrong order) against time (PNG)."),
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(help="Random samples of each that is looked at closely.")
+    ] = 64,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes; default: one a core.")
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Rank start cups and patterns that make sense on a scene's mold."""
+    from drapeplan.commands_rank import rank_command
+
+    return rank_command(scene, figure, samples, workers, as_json)
+
+
 def tune(
     scene: SceneFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Scene to write.")],

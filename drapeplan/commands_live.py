@@ -13,6 +13,7 @@ from drapeplan.console import say_error, show_progress, show_verdict
 from drapeplan.errors import DrapeplanError
 from drapeplan.files import check_outputs
 from drapeplan.planner import Progress, make_plan
+from drapeplan.ranking import searched
 from drapeplan.scene import read_scene
 from drapeplan.words import summary
 
@@ -47,7 +48,9 @@ def live_command(scene: Path, output: Path | None, port: int, show: bool) -> int
         try:
             with naming(scene), show_progress(False) as progress:
                 told = _both(progress, live)
-                outcome = make_plan(read, scene.parent, str(scene), told, live)
+                place = scene.parent, str(scene)
+                read, _ = searched(read, *place, told)
+                outcome = make_plan(read, *place, told, live)
         except DrapeplanError as error:
             code = error.exit_code
             live.failed(str(error))

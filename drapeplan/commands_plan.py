@@ -11,6 +11,8 @@ from drapeplan.console import draw_first_touch, show_progress, show_verdict
 from drapeplan.errors import InfeasibleError, InputError
 from drapeplan.files import check_outputs
 from drapeplan.planner import make_plan
+from drapeplan.ranking import searched
+from drapeplan.ranking_words import taken
 from drapeplan.robustness import check_samples, robustness
 from drapeplan.robustness_words import document
 from drapeplan.scene import Scene, read_scene
@@ -55,12 +57,17 @@ def plan_command(
     check_outputs(written, inputs_of(read, scene))
     try:
         with naming(scene), show_progress(as_json) as progress:
-            outcome = make_plan(read, scene.parent, str(scene), progress)
+            place = scene.parent, str(scene)
+            read, ranking = searched(read, *place, progress)
+            outcome = make_plan(read, *place, progress)
     except InfeasibleError:
         if output.exists():
             print(f"nothing written: {output} is of an earlier run", file=sys.stderr)
         raise
     result, robust = outcome.plan, None
+    block = ranking.block() if ranking else None
+    if block:
+        result = result.chosen(block.model_dump(mode="json"))
     if samples is not None:
         robust = robustness(result, samples)
         result = result.doubted(document(robust))
@@ -68,6 +75,7 @@ def plan_command(
     verdict = result.verdict
     front, lag = outcome.contact.front, result.document["kinematic_lag"]
     lines = summary(verdict, front, outcome.plan.track, lag) + tuned_lines(read)
+    lines += [taken(block)] if block else []
     if figure:
         draw_first_touch(figure, outcome.plan, outcome.contact, scene.stem)
     show_verdict(verdict, lines, as_json, robust, written)

@@ -147,6 +147,9 @@ def _check_options(
     if wanted.search not in (None, "equilibrium", "kinematic"):
         problem = f"no fidelity is called {wanted.search!r}"
         raise InputError("--search", "", problem, "equilibrium, kinematic")
+    if read.sequence == "auto":
+        problem = "auto is searched by plan and rank alone"
+        raise InputError(str(scene), "sequence", problem, "name what rank shows")
     if read.sequence.steps and read.path.family == "rectangle_blend":
         problem = "steps given freely are pressed down from a hover"
         raise InputError(str(scene), "path.family", problem, "say hover to tune it")

@@ -138,13 +138,35 @@ class Plan:
         """The verdict as the file has it."""
         return dict(self.document["verdict"])
 
+    def known(self, cell: Cell, judged: tuple[dict[str, Any], Contact]) -> Plan:
+        """The same plan, which does not recompute what its maker has at hand.
+
+        Args:
+            cell: Robot, mold and ply.
+            judged: The verdict, and the ply that it rests on.
+        """
+        plan = Plan(self.document)
+        vars(plan).update(cell=cell, judged=judged)
+        return plan
+
+    def chosen(self, candidates: dict[str, Any]) -> Plan:
+        """The same plan with what it was chosen from.
+
+        Args:
+            candidates: As in `plan_file.CandidatesBlock`.
+        """
+        return self._with("candidates", candidates)
+
     def doubted(self, robustness: dict[str, Any]) -> Plan:
         """The same plan with what becomes of it under uncertainty.
 
         Args:
             robustness: As in `plan_file.RobustnessBlock`.
         """
-        document = {**self.document, "robustness": robustness}
+        return self._with("robustness", robustness)
+
+    def _with(self, key: str, block: dict[str, Any]) -> Plan:
+        document = {**self.document, key: block}
         return Plan({**document, "hash": document_hash(document)})
 
 

@@ -19,6 +19,21 @@ Quantiles are samples themselves, under the keys "5", "50" and "95".
 
 `parameters` looks at each uncertainty alone, the one that hurts most first: the bars of
 a tornado. Step 0 of `worst_step` is the start cup; it is None where no step is near.
+
+`candidates` is there if the scene left the sequence to a search; the plan's `scene` has
+the one that was taken. The best stands first and is this plan: a check makes its row
+anew. The others are taken as given.
+
+    {"samples": 64, "seed": 0, "rows": [
+        {"start": [3, 2], "pattern": "spine_t", "why": "...", "fidelity": "equilibrium",
+         "good": true, "refused": null, "not_good": [], "shortfall": 0.0, "samples": 64,
+         "wrong": 0, "low_margin_mm": 3.0, "margin_mm": null, "penetration_mm": 0.08,
+         "stroke_mm": 180.0, "largest_shear_deg": 1.2, "take_up_left_mm": 0.5,
+         "steps": 7, "time_s": 33.0}, ...]}
+
+`samples` of 0 stands where a kinematic plan was enough to see that others are better,
+`refused` where no joint positions lay the ply, `low_margin_mm` for the 5 % quantile of
+the samples' margins, at most 3 mm.
 """
 
 from __future__ import annotations
@@ -125,6 +140,42 @@ class RobustnessBlock(_Strict):
     approximations: list[str]
 
 
+class CandidateRow(_Strict):
+    """One way to lay the ply, and what becomes of it."""
+
+    start: tuple[int, int]
+    pattern: str
+    why: str
+    fidelity: Literal["equilibrium", "kinematic"]
+    good: bool
+    refused: str | None = None
+    not_good: list[str] = []
+    shortfall: float = 0.0
+    samples: Annotated[int, Field(ge=0, le=MOST_SAMPLES)] = 0
+    wrong: int = 0
+    low_margin_mm: float | None = None
+    margin_mm: float | None = None
+    penetration_mm: float | None = None
+    stroke_mm: float | None = None
+    largest_shear_deg: float | None = None
+    take_up_left_mm: float | None = None
+    steps: int
+    time_s: float | None = None
+
+    @property
+    def wrong_share(self) -> float:
+        """Share of samples in the wrong order."""
+        return self.wrong / self.samples if self.samples else 0.0
+
+
+class CandidatesBlock(_Strict):
+    """What a plan was chosen from, as `drapeplan rank` tells it, the best first."""
+
+    samples: int
+    seed: int
+    rows: Annotated[list[CandidateRow], Field(min_length=1)]
+
+
 class Document(_Strict):
     """The file's keys; `scene` and `mold` have readers of their own."""
 
@@ -144,3 +195,4 @@ class Document(_Strict):
     waypoints: list[_Waypoint]
     verdict: dict[str, Any]
     robustness: RobustnessBlock | None = None
+    candidates: CandidatesBlock | None = None

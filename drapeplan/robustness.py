@@ -173,15 +173,19 @@ def robustness(
     )
 
 
-def check_samples(samples: int) -> None:
+def check_samples(samples: int, option: str = "--robustness") -> None:
     """Refuse a number of samples, before the work.
+
+    Args:
+        samples: The number.
+        option: Where it was given.
 
     Raises:
         InputError: There are no samples, or too many.
     """
     if not 1 <= samples <= MOST_SAMPLES:
         problem = f"must be 1 to {MOST_SAMPLES} (found {samples})"
-        raise InputError("--robustness", "", problem, "64 give a first idea")
+        raise InputError(option, "", problem, "64 give a first idea")
 
 
 def make_course(

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from drapeplan.families import PathSection, RectangleBlendPath
+from drapeplan.orders import SequenceChoice, SequenceSection
 from drapeplan.reading import first_mistake, read_yaml
 from drapeplan.section import (
     CupIndex,
@@ -187,21 +188,6 @@ class PickSection(Section):
     yaw_deg: Degrees = 90.0
 
 
-Pattern = Literal[
-    "auto", "all_sides", "alternate_sides", "spine_s", "spine_t", "radial"
-]
-RING = "radial: cups whose distances differ by no more land together"
-
-
-class SequenceSection(Section):
-    """Start cup and wave steps."""
-
-    start: CupIndex | Literal["auto"] = "auto"
-    pattern: Pattern = "auto"
-    ring_pitches: Annotated[float, Field(ge=0, le=100, description=RING)] = 0.5
-    steps: tuple[tuple[CupIndex, ...], ...] | None = None
-
-
 class MotionSection(Section):
     """Heights and times of the path."""
 
@@ -268,7 +254,7 @@ class Scene(Section):
     ply: PlySection = PlySection()
     placement: PlacementSection = PlacementSection()
     pick: PickSection = PickSection()
-    sequence: SequenceSection = SequenceSection()
+    sequence: SequenceChoice = SequenceSection()
     path: PathSection = RectangleBlendPath()
     motion: MotionSection = MotionSection()
     tolerance: ToleranceSection = ToleranceSection()
@@ -283,6 +269,8 @@ class Scene(Section):
         """The radial family lays cups in the order of their distance."""
         if not isinstance(data, dict) or _named(data, "path", "family") != "radial":
             return data
+        if data.get("sequence") == "auto":
+            return data
         sequence = data.get("sequence") or {}
         if _named(data, "sequence", "pattern") in (None, "auto"):
             sequence = {**sequence, "pattern": "radial"}
@@ -290,6 +278,8 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _family_fits_the_order(self) -> Scene:
+        if self.sequence == "auto":
+            return self
         pattern, family = self.sequence.pattern, self.path.family
         if pattern == "radial" and family == "rectangle_blend":
             raise ValueError("pattern radial needs path.family radial or hover")
@@ -336,4 +326,5 @@ _KEYS = sorted(_all_keys())
 _VARIANTS = {
     *("plane", "paraboloid", "sphere", "cylinder", "ridge", "step", "kindrape"),
     *("rectangle_blend", "radial", "hover", "constrained-float"),
+    *("keys", "word"),
 }

@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from drapeplan.errors import InputError
-from drapeplan.scene import SequenceSection
+from drapeplan.orders import SequenceSection
 
 Cup = tuple[int, int]
 Step = tuple[Cup, ...]
@@ -85,7 +86,7 @@ class Sequence:
 
 
 def make_sequence(
-    section: SequenceSection, rows: int, columns: int, source: str
+    section: SequenceSection | Literal["auto"], rows: int, columns: int, source: str
 ) -> Sequence:
     """Sequence asked for by a scene.
 
@@ -96,8 +97,12 @@ def make_sequence(
         source: Names the scene in error messages.
 
     Raises:
-        InputError: If a cup is not on the tool, is placed twice or is left out.
+        InputError: If a cup is not on the tool, is placed twice or is left out, or if
+            the sequence is still to be searched.
     """
+    if section == "auto":
+        problem = "auto is searched by plan and rank alone"
+        raise InputError(source, "sequence", problem, "name a start and a pattern")
     if section.steps is not None:
         return _free_steps(section.steps, rows, columns, source)
     if section.start == "auto":

@@ -25,7 +25,11 @@ HOMES = {
         "drapeplan.scan",  # PLY scans
     },
     "pydantic": {
-        *("drapeplan.section", "drapeplan.families"),  # parts of the scene
+        *(
+            "drapeplan.section",
+            "drapeplan.families",
+            "drapeplan.orders",
+        ),  # parts of the scene
         *("drapeplan.scene", "drapeplan.plan_file", "drapeplan.cups_file"),  # formats
         *("drapeplan.reading", "drapeplan.plan"),  # pydantic's findings in one line
         "drapeplan.identify_file",  # measurements
@@ -37,10 +41,11 @@ HOMES = {
     "meshcat": {"viewer.page"},  # its script, by package metadata
     "umsgpack": {"viewer.objects"},  # meshcat's message format
     "typer": {"drapeplan.cli", "drapeplan.cli_options", "drapeplan.cli_learning"},
-    "rich": {"drapeplan.console"},
+    "rich": {"drapeplan.console", "drapeplan.ranking_words"},
     "matplotlib": {
         *("drapeplan.report", "drapeplan.report_validate"),
         *("drapeplan.report_robustness", "drapeplan.report_identify"),
+        "drapeplan.report_ranking",
     },
     "loky": {"drapeplan.engine"},
     "cloudpickle": {"drapeplan.engine"},
@@ -175,6 +180,7 @@ def test_planner_is_for_the_command_line_and_the_check():
     users = {"drapeplan.commands_plan", "drapeplan.commands_live"}
     users |= {"drapeplan.console", "drapeplan.check"}
     users |= {"drapeplan.commands_tune", "drapeplan.trial"}  # plans many paths
+    users |= {"drapeplan.ranking"}  # plans many sequences
     for name in MODULES:
         assert name in users or "drapeplan.planner" not in imports(name), name
         if name != "drapeplan.__main__":
