@@ -68,15 +68,21 @@ def over(surface: dict, **sections) -> dict:
     return {"format": "drapeplan-scene/1", "mold": {"surface": surface}, **sections}
 
 
-def cell_of(data: dict, size: Row[int] | None = None, **fields_of_tool) -> Cell:
-    """Cell of a scene's data; size gives rows and columns of another tool."""
+@contextmanager
+def sized(data: dict, size: Row[int] | None) -> Iterator[dict]:
+    """Data of a scene with a tool of so many rows and columns; paths are absolute."""
+    if size is None:
+        yield data
+        return
     with TemporaryDirectory() as folder:
-        if size is not None:
-            rows, columns = size
-            spec = ToolSpec("tool", rows, columns, **fields_of_tool)
-            write_tool(spec, FilePath(folder))
-            data = data | {"tool": {"urdf": str(FilePath(folder) / "tool.urdf")}}
-        scene = scene_from(data, "chart")
+        urdf, _ = write_tool(ToolSpec("tool", *size), FilePath(folder))
+        yield data | {"tool": {"urdf": str(urdf)}}
+
+
+def cell_of(data: dict, size: Row[int] | None = None) -> Cell:
+    """Cell of a scene's data; size gives rows and columns of another tool."""
+    with sized(data, size) as whole:
+        scene = scene_from(whole, "chart")
         return build_cell(scene, read_sources(scene, EXAMPLES))
 
 

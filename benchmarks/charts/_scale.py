@@ -1,0 +1,125 @@
+"""One point of the chart of scale, in a process of its own; prints JSON.
+
+`python -m benchmarks.charts._scale cups ROWS COLUMNS`, `samples FINER` or `batch N`.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.charts._drapes import cell_of, order_of, over
+from benchmarks.ply import GRID, poses
+from drapeplan.contact import HIGH, judge_contact
+from drapeplan.frames import inverse, moved
+from drapeplan.front import Tolerance, pose_measures
+from drapeplan.front_grid import FrontGrid
+from drapeplan.motion import follow
+from drapeplan.path import CupState
+from drapeplan.planner import make_request, make_track
+from drapeplan.settling import settle_path
+from ply.sampling import PlySampling
+from ply.weave import ply_fibers
+
+FALL = 0.06  # [m] from the mold's middle to the farthest cup
+LEAST_RADIUS = 1.5  # [m] of the mold below small tools
+POSES = 4  # [-] a wave step
+ON_CUP, ON_SPAN = 4, 7  # intervals of 10 mm
+START = 21  # cup that the front starts from
+REPEATS = 3
+
+
+def main(kind: str, *sizes: int) -> dict:
+    """Seconds of the stages, peak memory in [MB], and what there was to do."""
+    stages = {"cups": _cups, "samples": _samples, "batch": _batch}[kind](*sizes)
+    status = Path("/proc/self/status").read_text("utf-8")
+    peak = int(status.split("VmHWM:")[1].split()[0]) / 1024
+    return {**stages, "peak_MB": peak}
+
+
+def _cups(rows: int, columns: int) -> dict:
+    """A whole plan of a tool of any size, its frame where the arm has it."""
+    half = np.array([rows - 1, columns - 1]) * 0.11 / 2
+    radius = max(LEAST_RADIUS, float(half @ half) / (2 * FALL))
+    surface = {"kind": "paraboloid", "radius_x_m": radius, "radius_y_m": radius}
+    path = {"family": "rectangle_blend", "poses_per_step": POSES}
+    data = over(surface, path=path)
+    seconds: dict[str, float] = {}
+
+    def timed(stage: str, task: Callable):
+        begin = time.process_time()
+        result = task()
+        seconds[stage] = time.process_time() - begin
+        return result
+
+    cell = timed("robot and mold", lambda: cell_of(data, (rows, columns)))
+    sequence = order_of(cell)
+    request = timed("net and wave", lambda: make_request(cell, sequence))
+    path = request.path
+    motion = timed("strokes", lambda: follow(cell, path))
+    settled = timed("rest", lambda: settle_path(cell, path, motion))
+    track = make_track(cell, path, settled.motion)
+    held = track.held
+    cups = moved(inverse(cell.world_mold), *(pose[held] for pose in track.poses))
+    states = path.states[held]
+    down = states == CupState.PLACED, states == CupState.LANDING
+    timed("contact", lambda: judge_contact(cell, sequence, cups, *down))
+    return {"count": rows * columns, "poses": len(path.tau), **_stages(seconds)}
+
+
+def _samples(finer: int) -> dict:
+    """One pose of the whole ply, from the cups' poses to the margins."""
+    ply = PlySampling.regular(GRID, 0.01 / finer)
+    held = poses(1)
+    size = len(ply.t), len(ply.s)
+    grid = FrontGrid(ply.s, ply.t, ply.cup_index, ply.cups_around, GRID.columns, START)
+    mold = cell_of(over({"kind": "paraboloid", "radius_x_m": 1.2, "radius_y_m": 2.5}))
+    placed = np.zeros((1, GRID.n_cups), bool)
+    found: dict[str, np.ndarray] = {}
+
+    def shape() -> None:
+        fibers = ply_fibers(GRID, *held, model="modal")
+        found["points"] = ply.points(fibers, *held)
+
+    def gap() -> None:
+        found["gap"] = np.minimum(mold.mold.gap(found["points"], beside=HIGH), HIGH)
+
+    def margins() -> None:
+        final = np.zeros(size)
+        pose_measures(found["gap"], final, grid, placed, ~placed, Tolerance())
+
+    stages = {"ply": shape, "gap": gap, "margins": margins}
+    return {"count": int(np.prod(size)), "poses": 1, **_stages(_median(stages))}
+
+
+def _batch(count: int) -> dict:
+    """Poses of the whole ply at a time: fibers and points at 10 mm."""
+    ply, held = PlySampling.regular(GRID, 0.01), poses(count)
+    found = {"fibers": ply_fibers(GRID, *held, model="modal")}
+    stages = {
+        "fibers": lambda: ply_fibers(GRID, *held, model="modal"),
+        "points": lambda: ply.points(found["fibers"], *held),
+    }
+    each = {name: s / count for name, s in _median(stages).items()}
+    return {"count": count, "poses": count, **_stages(each)}
+
+
+def _median(stages: dict[str, Callable[[], object]]) -> dict[str, float]:
+    times: dict[str, list[float]] = {name: [] for name in stages}
+    for _ in range(REPEATS + 1):  # the first one compiles
+        for name, task in stages.items():
+            begin = time.process_time()
+            task()
+            times[name].append(time.process_time() - begin)
+    return {name: float(np.median(each[1:])) for name, each in times.items()}
+
+
+def _stages(seconds: dict[str, float]) -> dict:
+    return {"seconds": seconds, "total_s": sum(seconds.values())}
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(sys.argv[1], *map(int, sys.argv[2:]))))

@@ -1,0 +1,107 @@
+"""Time and memory against cups, samples of the ply, and poses at a time.
+
+Each point is measured in a process of its own, so that its peak of memory is its own.
+Processor times; exponents are fitted over the upper half of each row of sizes.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from benchmarks.charts.drawing import GRAY, WIDTH, legend, log_log, scatter
+from benchmarks.charts.results import Results, made_with
+
+CUPS = ((2, 2), (4, 3), (6, 4), (8, 6), (10, 10), (14, 14), (20, 20))
+FINER = (1, 2, 4, 8, 14)  # times finer than 10 mm: 4e3 to 8e5 samples
+BATCHES = (1, 4, 16, 64, 256)
+STAGES = ("robot and mold", "net and wave", "strokes", "rest", "contact")
+PARTS = ("ply", "gap", "margins", "fibers", "points")
+PANELS = {
+    "cups": ("a plan, by cups", "time [s]"),
+    "samples": ("a pose of 6 x 8 cups, by samples of the ply", "time [s]"),
+    "batch": ("a pose of 6 x 8 cups, by poses at a time", "time a pose [s]"),
+}
+LONGEST = 1800  # [s] of one point, past which it is missing
+PLANNED = {"cups": 48, "samples": 4697}  # sizes of a plan's own tool
+
+
+def measure(quick: bool) -> Results:
+    """Every size in a process of its own."""
+    asked = [("cups", *size) for size in CUPS[: 1 if quick else None]]
+    asked += [("samples", n) for n in FINER[: 1 if quick else None]]
+    asked += [
+        ("batch", n) for n in BATCHES[:: 4 if quick else 1][: 2 if quick else None]
+    ]
+    rows, missing = [], {}
+    for kind, *sizes in asked:
+        name = f"{kind} {' x '.join(map(str, sizes))}"
+        print(f"  {name}", file=sys.stderr)
+        found = _child(kind, *sizes)
+        if isinstance(found, str):
+            missing[name] = found
+            continue
+        seconds = {f"{k}_s": v for k, v in found.pop("seconds").items()}
+        rows.append({"set": kind, **found, **seconds})
+    return Results("scale", rows, made_with("osqp", "pin", quick=quick), missing)
+
+
+def exponent(x: list[float], y: list[float]) -> float:
+    """Slope in the logarithms over the upper half of sizes."""
+    half = len(x) // 2 if len(x) > 3 else 0
+    a, b = np.log(np.array(x[half:])), np.log(np.maximum(y[half:], 1e-12))
+    return float(np.polyfit(a, b, 1)[0]) if len(a) > 1 else 0.0
+
+
+def draw(results: Results) -> Figure:
+    """Time by stages for each kind of size, and memory."""
+    figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
+    panels = figure.subplots(2, 2)
+    for axes, (kind, (title, y_label)) in zip(
+        panels.flat, PANELS.items(), strict=False
+    ):
+        rows = results.where(set=kind)
+        log_log(axes, title, kind if kind != "batch" else "poses at a time", y_label)
+        for k, stage in enumerate((*STAGES, *PARTS)):
+            own = [row for row in rows if row.get(f"{stage}_s")]
+            if own:
+                x, y = [r["count"] for r in own], [r[f"{stage}_s"] for r in own]
+                scatter(axes, x, y, stage, k, joined=True, notes=_slope(x, y))
+    _memory(panels[1, 1], results)
+    legend(figure)
+    return figure
+
+
+def _memory(axes: Axes, results: Results) -> None:
+    log_log(axes, "peak memory, interpreter and libraries included", "size", "[MB]")
+    for k, kind in enumerate(PANELS):
+        rows = results.where(set=kind)
+        x, y = [row["count"] for row in rows], [row["peak_MB"] for row in rows]
+        scatter(axes, x, y, f"by {kind}", len(STAGES) + len(PARTS) + k, joined=True)
+        if rows:
+            note = {"fontsize": 6.5, "color": GRAY, "textcoords": "offset points"}
+            axes.annotate(f"{y[-1]:.0f} MB", (x[-1], y[-1]), (-12, 5), **note)
+
+
+def _slope(x: list[float], y: list[float]) -> list[str]:
+    """The fitted exponent beside the last point."""
+    return [""] * (len(x) - 1) + ([f"^{exponent(x, y):.1f}"] if len(x) > 1 else [""])
+
+
+def _child(kind: str, *sizes: int) -> dict | str:
+    """What a process found, or why it found nothing."""
+    command = [sys.executable, "-m", "benchmarks.charts._scale", kind, *map(str, sizes)]
+    environment = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **os.environ}
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=LONGEST
+        )
+    except subprocess.TimeoutExpired:
+        return f"more than {LONGEST} s"
+    if done.returncode:
+        return done.stderr.strip().splitlines()[-1]
+    return json.loads(done.stdout)
