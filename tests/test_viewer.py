@@ -15,8 +15,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from drapeplan.errors import DrapeplanError, InputError
 from drapeplan.frames import inverse, moved
 from drapeplan.mold import HeightGrid
-from drapeplan.planner import make_plan
-from drapeplan.scene import scene_from
 from drapeplan.surfaces import Paraboloid
 from tests.browser import (
     COLUMNS,
@@ -27,6 +25,7 @@ from tests.browser import (
     mold_mesh,
     synthetic_view,
 )
+from tests.spoiled import good_plan
 from viewer import colors, geometry, objects, packing, page, scene
 from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION
 
@@ -37,7 +36,7 @@ SAG = 1e-4  # [m] of a chord of a 20 mm cell on the least radius, both ways
 MOST_BYTES = 4e6  # of the file, for 100 poses of 64 x 86 samples
 SCENE = ("arm", "cups", "floor", "front", "interlinks", "marks", "mold", "ply", "tool")
 HOSTILE = 'Ply "P03" </script><b>x</b> <!-- & \''
-on_plan = pytest.mark.xdist_group("planned")  # one worker makes the plan
+on_plan = pytest.mark.xdist_group("spoiled")  # one worker makes the plan
 
 
 def in_browser(test):
@@ -219,11 +218,8 @@ def test_drawn_mold_lies_on_its_grid():
 
 
 @pytest.fixture(scope="module")
-def plan(tmp_path_factory):
-    mold = {"surface": {"kind": "paraboloid", "radius_x_m": 1.2, "radius_y_m": 2.5}}
-    data = {"format": "drapeplan-scene/1", "mold": mold, "fidelity": "kinematic"}
-    folder = tmp_path_factory.mktemp("plan")
-    return make_plan(scene_from(data, "test"), folder, "test").plan
+def plan():
+    return good_plan()
 
 
 @pytest.fixture(scope="module")
@@ -237,7 +233,7 @@ def test_view_has_a_pose_for_each_waypoint(plan, planned):
     assert list(plan.track.phase) == planned.phases
     assert planned.good == plan.verdict["good"]
     assert "paraboloid" in planned.title
-    assert planned.cup_names[6 * 3 + 2] == "3,2"
+    assert planned.cup_names[3 * 3 + 2] == "3,2"
 
 
 @on_plan
