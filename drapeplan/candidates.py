@@ -51,7 +51,7 @@ class Relief:
     """What the ply is laid on, as the cups see it.
 
     Attributes:
-        heights: Of the cups over their mean plane, shape (rows, columns), in [m].
+        heights: Of the cups in the mold frame, shape (rows, columns), in [m].
         curvatures: Curvature (rms) of each row of cups along s, and of each column
             along t, in [1/m].
     """
@@ -69,14 +69,11 @@ class Relief:
         """
         points = net.positions.reshape(net.rows, net.columns, 3)
         normals = net.normals.reshape(points.shape)
-        middle = net.positions.mean(axis=0)
-        plane = np.linalg.svd(net.positions - middle)[2][2]
-        plane *= np.sign(plane @ normals.mean(axis=(0, 1)))
         curvatures: dict[Along, Array] = {
             "s": _curvatures(points, normals, pitch),
             "t": _curvatures(points.swapaxes(0, 1), normals.swapaxes(0, 1), pitch),
         }
-        return cls((points - middle) @ plane, curvatures)
+        return cls(points[..., 2], curvatures)
 
     @property
     def straighter(self) -> Along:

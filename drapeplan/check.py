@@ -76,7 +76,8 @@ def check_plan(plan: Plan) -> Check:
     if told and not differing:
         robust = robustness(plan, told["samples"], depth=told["depth"])
         differing += _compare("robustness", told, plain(robust))
-    if block := plan.document.get("candidates"):
+    block = plan.document.get("candidates")
+    if block and not differing:
         first = block["rows"][0]
         made = row_of(plan, first["why"], first["samples"], block["seed"])
         differing += _compare("candidates.rows.0", first, made.model_dump(mode="json"))

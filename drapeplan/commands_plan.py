@@ -55,12 +55,18 @@ def plan_command(
         check_samples(samples)
     written = [output, figure] if figure else [output]
     check_outputs(written, inputs_of(read, scene))
+    ranking = None
     try:
         with naming(scene), show_progress(as_json) as progress:
             place = scene.parent, str(scene)
             read, ranking = searched(read, *place, progress)
             outcome = make_plan(read, *place, progress)
     except InfeasibleError:
+        if ranking:
+            count = len(ranking.ranked)
+            print(
+                f"none of {count} candidates can be laid; the first:", file=sys.stderr
+            )
         if output.exists():
             print(f"nothing written: {output} is of an earlier run", file=sys.stderr)
         raise
