@@ -58,7 +58,7 @@ PLY = ToolPhysics(bending=0.02, areal_mass=0.31, longest_fiber=0.0708)
 
 def fiber(quick: bool) -> list[dict]:
     """Cups tilted towards each other by so much, chord shorter by so much."""
-    n = 6 if quick else 41
+    n = 7 if quick else 25
     tilt = np.radians(np.linspace(-40, 40, n))[:, None] * np.ones(n)
     slack = np.linspace(-0.5, 4.0, n) * MM * np.ones((n, 1))
     chord = L - slack

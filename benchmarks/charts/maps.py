@@ -91,7 +91,9 @@ def _outcomes(axes: Axes, cells: list[dict]) -> set[str]:
         z[y.index(cell["y"]), x.index(cell["x"])] = keys.index(cell["outcome"])
     colors = ListedColormap([COLORS[key] for key in keys])
     axes.pcolormesh(
-        *(_edges(a) for a in (x, y)), z, cmap=colors, vmin=-0.5, vmax=len(keys) - 0.5
+        *(_edges(a) for a in (x, y)),
+        z,
+        **{"cmap": colors, "vmin": -0.5, "vmax": len(keys) - 0.5, "rasterized": True},
     )
     return {cell["outcome"] for cell in cells}
 
@@ -133,10 +135,11 @@ def _boundaries(axes: Axes, rows: list[dict], places: Grid | bool) -> None:
             each = zip((x, y), places, ticks, strict=True)
             x, y = (np.interp(values, at, tick) for values, at, tick in each)
             y = y - 0.5  # the lower edge of the cells
+            axes.annotate(name, (1.5, y[0]), ha="center", va="bottom", fontsize=6.5)
         for color, width in (("white", 3.5), ("#D55E00", 1.8)):
             axes.plot(x, y, color=color, linewidth=width, linestyle=style, label=name)
     axes.set(xlim=limits[0], ylim=limits[1])
-    if lines:
+    if lines and not places:
         handles, labels = axes.get_legend_handles_labels()
         kept = dict(zip(labels, handles, strict=True))
         axes.legend(kept.values(), kept.keys(), fontsize=6.5, loc="upper right")
