@@ -16,6 +16,14 @@ NAMED = (("mold", "mesh", "path"), ("robot", "urdf"), ("tool", "urdf"))
 Edit = tuple[int, int, str]
 
 
+class _Dumper(yaml.SafeDumper):
+    """Writes what comes twice twice."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Whether data are written in full: always."""
+        return True
+
+
 def write_scene_like(
     output: Path, scene: Path, sections: dict[str, dict[str, Any]]
 ) -> bool:
@@ -50,8 +58,14 @@ def write_scene_like(
 
 def _dumped(data: dict[str, Any]) -> str:
     """Plain data as YAML, what is innermost in one line."""
-    return yaml.safe_dump(
-        data, sort_keys=False, allow_unicode=True, default_flow_style=None
+    return str(
+        yaml.dump(
+            data,
+            Dumper=_Dumper,
+            sort_keys=False,
+            allow_unicode=True,
+            default_flow_style=None,
+        )
     )
 
 
@@ -78,7 +92,8 @@ def _edited(
 ) -> str | None:
     """The text with edits in place; None where that is not simple."""
     root = yaml.compose(text, Loader=yaml.SafeLoader)
-    if not isinstance(root, yaml.MappingNode) or root.flow_style or "&" in text:
+    named = any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text))
+    if not isinstance(root, yaml.MappingNode) or root.flow_style or named:
         return None
     edits: list[Edit] = []
     added = ""

@@ -7,6 +7,7 @@ decide.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drapeplan.errors import InputError
-from drapeplan.tuning_space import Path, Space
+from drapeplan.tuning_space import KNOBS, Path, Space
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 FOLDS = 5  # [-] parts, each predicted from the others
 FEWEST = 10  # [-] trials from which a prediction is worth the name
+RESTARTS = 2  # [-] of the fit of length scales, which has more than one optimum
+RATIOS = {f"path.{knob.name}" for knobs in KNOBS.values() for knob in knobs if knob.log}
 PROPOSED = 2048  # [-] random paths, of which the best is proposed
 CAP = 3.0  # [mm] margins beyond are the same: nothing threatens
 
@@ -73,6 +76,7 @@ def fit_surrogate(rows: list[Row]) -> Surrogate:
         InputError: scikit-learn is missing, or there are too few trials.
     """
     try:
+        from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
         from sklearn.model_selection import KFold, cross_val_predict
@@ -88,14 +92,18 @@ def fit_surrogate(rows: list[Row]) -> Surrogate:
     names = columns_of(trials)
     x = table_of(trials, names)
     spans = np.ones(len(names))
-    kernel = ConstantKernel(1.0) * RBF(spans, (0.1, 100.0)) + WhiteKernel(0.1)
-    process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
+    kernel = ConstantKernel(1.0, (0.01, 1e3)) * RBF(spans, (0.1, 1e3))
+    kernel = kernel + WhiteKernel(0.1, (1e-4, 10.0))
+    process = GaussianProcessRegressor(
+        kernel, normalize_y=True, n_restarts_optimizer=RESTARTS, random_state=0
+    )
     model = make_pipeline(StandardScaler(), process)
     folds = KFold(min(FOLDS, len(trials)), shuffle=True, random_state=0)
-    held_out = cross_val_predict(model, x, margins, cv=folds)
-    count = len(margins)
-    others = (margins.sum() - margins) / (count - 1)
-    model.fit(x, margins)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # scales beyond all data
+        held_out = cross_val_predict(model, x, margins, cv=folds)
+        model.fit(x, margins)
+    others = (margins.sum() - margins) / (len(margins) - 1)
 
     def predict(points: Array) -> tuple[Array, Array]:
         mean, deviation = model.predict(points, return_std=True)
@@ -131,8 +139,11 @@ def columns_of(trials: list[Row]) -> tuple[str, ...]:
 
 
 def table_of(rows: list[Row], names: tuple[str, ...]) -> Array:
-    """Columns of rows, shape (rows, names)."""
-    return np.array([[float(row[name]) for name in names] for row in rows])
+    """Columns of rows, shape (rows, names); logarithms where ratios count."""
+    table = np.array([[float(row[name]) for name in names] for row in rows])
+    ratios = np.array([name in RATIOS for name in names])
+    table[:, ratios] = np.log(table[:, ratios])
+    return table
 
 
 def _rms(error: Array) -> float:

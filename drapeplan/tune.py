@@ -37,7 +37,7 @@ MARGIN, PRESS = 0.1, 0.1  # [-] price of a margin of 0 against CAP; of 1 mm of p
 REFUSED = 20.0  # [-] price of a path that no strokes follow: beyond any other
 CLEARLY = 2.0  # [-] standard errors by which luck has to win where luck is not counted
 RANKED = 64  # [-] samples of each finalist
-PART = 16  # [-] samples that are asked at once
+PART = 100  # [-] samples asked at once: each worker plans a path anew for its own
 FIRST = {  # [-] samples that checks of a plan, by default from 0 on, do not see
     "search": MOST_SAMPLES,
     "ranking": 2 * MOST_SAMPLES,
@@ -191,25 +191,27 @@ class Tuner:
     def _search(self, scene: Path) -> tuple[Path, Path, int]:
         """Mean of the distribution at the end, the luckiest trial, and their count."""
         space, seed = self.space, self.trials.seed
-        numbers = np.random.default_rng([seed, len(space.knobs)])
+        numbers = np.random.default_rng(seed)
         options = {
             "bounds": [0, 1],
             "verbose": -9,
             "randn": lambda *shape: numbers.standard_normal(shape),
             "seed": np.nan,  # leaves the one generator of numpy alone
         }
-        start = np.clip(space.point(scene), 0, 1)
+        count = len(space.knobs)
+        start = np.full(max(count, 2), 0.5)  # the search knows no single dimension
+        start[:count] = np.clip(space.point(scene), 0, 1)
         found = self._judge([scene], "search", self.effort.samples)
         self.best, tried = found[0], 1
         search = cma.CMAEvolutionStrategy(start, SPREAD, options)
         while tried - 1 + search.popsize <= self.effort.budget and not search.stop():
             points = search.ask()
-            paths = [space.path(point) for point in points]
+            paths = [space.path(point[:count]) for point in points]
             found = self._judge(paths, "search", self.effort.samples)
             search.tell(points, [one.loss for one in found])
             self.best = min([self.best, *found], key=lambda one: one.loss)
             tried += len(paths)
-        return space.path(search.result.xfavorite), self.best.path, tried
+        return space.path(search.result.xfavorite[:count]), self.best.path, tried
 
     def _judge(self, paths: list[Path], stage: str, samples: int) -> list[Judged]:
         """Paths on samples of a stage; what is in the file is not simulated again."""

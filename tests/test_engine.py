@@ -14,7 +14,7 @@ from drapeplan.errors import InputError
 class Squares:
     """A task that says which process built it, and when it was built."""
 
-    def __init__(self, folder=None, victim=None):
+    def __init__(self, folder=None, victim=None):  # noqa: D107
         self.folder, self.victim, self.built = folder, victim, None
 
     def __call__(self, item):
