@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -165,7 +165,8 @@ def judge_contact(
         if choice.model.name == "cubic":
             return seen(ply_over_mold(cell, *stops.some(new).poses, choice.model)[1])
         held = held_fibers(cell, *stops.poses, choice.model)  # sides go along the path
-        points = held_points(cell, held, *stops.poses, choice.model)[new]
+        own = PlyFibers(*(getattr(held, f.name)[new] for f in fields(held)))
+        points = held_points(cell, own, *stops.some(new).poses, choice.model)
         return seen(cell.mold.gap(points, beside=FAR))
 
     tolerance = front_tolerance(cell)
