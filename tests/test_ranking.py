@@ -7,12 +7,14 @@ from drapeplan import ranking
 from drapeplan.candidates import Candidate
 from drapeplan.cell import read_sources
 from drapeplan.engine import Engine
+from drapeplan.errors import InputError
 from drapeplan.orders import SequenceSection
 from drapeplan.plan import Plan, document_hash
 from drapeplan.plan_file import CandidatesBlock
 from drapeplan.ranking import Judge, rank
 from drapeplan.ranking_words import cells, lines, taken
 from drapeplan.report_ranking import pareto, pareto_figure
+from drapeplan.sequence import make_sequence
 from tests.plans import scene
 from tests.settled import tool_section
 from tests.toy_rows import ToyJudge, row, ways
@@ -127,6 +129,18 @@ def test_auto_takes_the_best_and_the_plan_says_from_what(
     ended = drapeplan("check", file)
     assert ended.code == 1
     assert "differs: candidates.rows.0.wrong" in ended.out
+
+
+def test_auto_is_a_word_that_is_searched_or_refused():
+    with pytest.raises(InputError, match=r"sequence: input should be 'auto'"):
+        scene(sequence="center")
+    with pytest.raises(InputError, match=r"sequence\.strat: unknown key"):
+        scene(sequence={"strat": "auto"})
+    assert scene(sequence="auto", path={"family": "radial"}).sequence == "auto"
+    with pytest.raises(InputError, match="searched by plan and rank alone"):
+        make_sequence(scene(sequence="auto").sequence, 8, 6, "test")
+    quick = make_sequence(scene().sequence, 8, 6, "test")
+    assert (quick.start_cup, quick.pattern) == ((3, 2), "alternate_sides")
 
 
 def test_rank_shows_a_table(drapeplan, tiny, tmp_path):
