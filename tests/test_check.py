@@ -38,6 +38,7 @@ def test_an_untouched_plan_holds(document):
     assert found.verdict == document["verdict"]
 
 
+LEAST = {"stroke": 1e-6, "leg": 1e-6}  # [m] even a micrometer is seen
 PLACES = {
     "stroke": ["waypoints", WAVE, "strokes_m", 7],
     "leg": ["waypoints", WAVE, "legs", 7, 2],
@@ -74,14 +75,8 @@ def test_a_broken_hash_fails_the_check(document):
 
 @pytest.mark.parametrize("place", PLACES)
 def test_a_mended_hash_does_not_hide_an_altered_number(document, place):
-    found = mended(document, PLACES[place], lambda x: x + 1e-3)
+    found = mended(document, PLACES[place], lambda x: x + LEAST.get(place, 1e-3))
     assert not found.passed
-    assert any(not line.startswith("hash") for line in found.differing + found.broken)
-
-
-@pytest.mark.parametrize("place", ["stroke", "leg"])
-def test_even_a_micrometer_is_seen(document, place):
-    found = mended(document, PLACES[place], lambda x: x + 1e-6)
     assert found.differing
 
 

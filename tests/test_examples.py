@@ -4,12 +4,16 @@ import json
 import re
 
 import pytest
+import yaml
 
+from drapeplan.scene import read_scene, scene_from
+from drapeplan.sequence import make_sequence
 from tests.plans import EXAMPLES
+from tests.test_readme import blocks
 
-ANSWERS = {"channel": 1, "kindrape": 0, "paraboloid": 0, "saddle": 0}
+ANSWERS = {"channel": 1, "kindrape": 0, "saddle": 0}
 ANSWERS |= {"air_pocket": 1, "far_cup": 1}
-ALONE = {"border_first", "panel"}  # a test of their own: below; tests/test_cli.py
+ALONE = {"border_first", "panel", "paraboloid"}  # below, or tests/test_cli.py
 SAYS = {
     "air_pocket": [r"^Wave step 3 of 4: an air pocket of 1\d\d\.\d cm2 .* closes near"],
     "far_cup": [r"^Wave step 1 of 2: the ply touches .* apart from the contact around"],
@@ -24,6 +28,15 @@ SAYS = {
 
 def test_every_example_is_listed():
     assert ALONE | set(ANSWERS) == {path.stem for path in EXAMPLES.glob("*.yaml")}
+
+
+def test_paraboloid_is_the_first_plan_of_the_readme():
+    """Made there by its commands; here the defaults are what that scene spells out."""
+    example = read_scene(EXAMPLES / "paraboloid.yaml")
+    spelled = scene_from(yaml.safe_load(blocks("yaml")[0]), "README.md")
+    sequences = [make_sequence(s.sequence, 8, 6, "test") for s in (example, spelled)]
+    assert sequences[0] == sequences[1]
+    assert spelled.model_copy(update={"sequence": example.sequence}) == example
 
 
 @pytest.mark.filterwarnings("error")

@@ -371,6 +371,7 @@ def test_live_plan_is_the_plan_and_ctrl_c_stops_cleanly(drapeplan, scene, tmp_pa
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # also in `&`
     ) as child:
         try:
             port = int(re.search(r"127\.0\.0\.1:(\d+)/", child.stdout.readline())[1])

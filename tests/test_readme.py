@@ -15,6 +15,7 @@ def blocks(language):
     return [text for name, text in BLOCKS if name == language]
 
 
+@pytest.mark.filterwarnings("error")
 def test_the_first_plan_of_the_readme(tmp_path, monkeypatch):
     """Its scene and its commands, as they stand there."""
     monkeypatch.chdir(tmp_path)

@@ -24,6 +24,16 @@ texts = urdf.read_tool("drape_tool_6x8")
 assert texts[0].startswith("<?xml") or "<robot" in texts[0]
 assert urdf.tool_names() == ["drape_tool_6x8", "drape_tool_6x8_resilient"]
 """
+COMMANDS = """\
+from drapeplan.cli import app
+for command in (
+    "tool -o . --name small --rows 4 --columns 3",
+    "plan scene.yaml -o plan.json --figure touch.png",
+    "check plan.json",
+    "preview plan.json -o page.html",
+):
+    assert app(command.split(), standalone_mode=False) == 0, command
+"""
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("wheel")]
 
@@ -83,15 +93,8 @@ def test_modules_come_from_the_wheel(python, installed):
 
 def test_plan_check_and_preview_away_from_the_checkout(python, tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
-    size = ("--name", "small", "--rows", 4, "--columns", 3)
-    for command in (
-        ("tool", "-o", ".", *size),
-        ("plan", "scene.yaml", "-o", "plan.json", "--figure", "touch.png"),
-        ("check", "plan.json"),
-        ("preview", "plan.json", "-o", "page.html"),
-    ):
-        ended = python("-m", "drapeplan", *command)
-        assert (ended.returncode, ended.stderr) == (0, ""), command
+    ended = python("-c", COMMANDS)
+    assert (ended.returncode, ended.stderr) == (0, "")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "<html" in page[:500]
     assert str(ROOT) not in page
