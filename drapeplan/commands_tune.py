@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -111,7 +112,12 @@ def tune_command(
     with engine, show_progress(as_json) as progress:
         every = {**features, **label}
         tuner = Tuner(trials, engine, file, every, wanted.effort, progress)
-        found = tuner.run(propose)
+        try:
+            found = tuner.run(propose)
+        except KeyboardInterrupt:
+            told = f"stopped: --resume goes on from {wanted.rollouts}"
+            print(told, file=sys.stderr)
+            raise
     path = found.after.path.model_dump(mode="json", exclude_defaults=True)
     sections: dict[str, Any] = {"path": {"family": found.after.path.family, **path}}
     if found.changed:
