@@ -16,6 +16,7 @@ from tests.plans import EXAMPLES, PARABOLOID
 
 SHARED = {  # modules that look at the same plans or cluster
     **dict.fromkeys(("test_arm_check", "test_plan", "test_resettle"), "panel"),
+    **dict.fromkeys(("test_check", "test_live"), "small panel"),
     **dict.fromkeys(("test_rest", "test_settling", "test_ply_rows"), "settled"),
     **dict.fromkeys(("test_engine", "test_tune"), "cluster"),
 }

@@ -408,6 +408,7 @@ def test_ply_hung_from_its_corner_cup(drapeplan, write_scene, tmp_path, warp_deg
     assert_allclose(landed[:2], [x, y], rtol=0, atol=ANCHORED)
 
 
+@pytest.mark.xdist_group("small panel")  # tests that share that plan
 @pytest.mark.parametrize("key", ["mold", "waypoints", "targets", "verdict"])
 def test_preview_of_parts_that_do_not_fit(drapeplan, tmp_path, key):
     document = copy.deepcopy(small_panel().plan.document)

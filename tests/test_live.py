@@ -32,7 +32,6 @@ from viewer.live_server import HERE, LiveServer
 POSITION = 10e-6  # [m] what a packed position may lose
 HOSTILE = 'no </script><b id="bad">rest</b> & "more"'
 SECONDS = 120  # for a process on a busy machine
-on_plan = pytest.mark.xdist_group("small panel")  # one worker makes its plan
 
 
 @pytest.fixture(scope="module")
@@ -283,7 +282,6 @@ class LivePage(OpenPage):
 
 
 @pytest.mark.browser
-@on_plan
 def test_page_grows_with_the_plan_and_ends_as_its_preview(plan, browser):
     news, count = News(), len(plan.track.q)
     half = count // 2
@@ -321,7 +319,6 @@ def test_page_grows_with_the_plan_and_ends_as_its_preview(plan, browser):
 
 
 @pytest.mark.browser
-@on_plan
 def test_why_there_is_no_plan_is_text(whole, browser):
     """Run after the test that lets it fail."""
     whole.failed(HOSTILE)

@@ -17,9 +17,6 @@ SAMPLES = (29, 22)
 LEVEL = 0.25 * 30e-3 / 254  # [m] of gap, a quarter of a packed level: rounding of marks
 CARD, PHONE = (1280, 720), (390, 844)  # [px]
 NO_3D = ["--no-sandbox", "--disable-gpu", "--disable-3d-apis"]
-REST = """() => { for (const { viewer } of app.drapes)
-  Object.defineProperty(viewer, "needs_render", { get: () => false, set() {} }) }"""
-# One picture is enough where no pixel is read: drawing by software takes its time.
 MARK = 14  # pose of the marked faults
 
 
@@ -54,7 +51,7 @@ def pair(browser, views, tmp_path_factory):
     path = tmp_path_factory.mktemp("pair") / "pair.html"
     page.export(views, path)
     opened = OpenPage(browser, path, "#step=2&cam=Top", size=CARD)
-    opened.run(REST)
+    opened.rest()
     yield opened
     opened.context.close()
 

@@ -108,6 +108,7 @@ def opened(browser, view, tmp_path_factory):
     path = tmp_path_factory.mktemp("panels") / "page.html"
     page.export(view, path)
     shown = OpenPage(browser, path, size=(1280, 720))
+    shown.rest()
     shown.run("() => app.look('Top')")
     yield shown
     shown.context.close()
@@ -120,6 +121,7 @@ def compared(browser, view, tmp_path_factory):
     plain = replace(view, robustness=None)
     page.export([plain, synthetic_view(poses=4, samples=(9, 8), arm_meshes=[])], path)
     shown = OpenPage(browser, path, size=(1280, 720))
+    shown.rest()
     yield shown
     shown.context.close()
 

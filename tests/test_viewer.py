@@ -374,6 +374,7 @@ def browser():
 @pytest.fixture(scope="module")
 def preview(browser, file):
     opened = OpenPage(browser, file)
+    opened.rest()  # pixels() draws what it reads
     yield opened
     opened.context.close()
 
@@ -579,6 +580,7 @@ def test_presets_frame_any_size_anywhere(browser, tmp_path, scale, origin):
     path = tmp_path / "preview.html"
     page.export(synthetic_view(4, (12, 9), origin, scale), path)
     opened = OpenPage(browser, path, size=(1280, 720))
+    opened.rest()
     assert_framed(opened)
     assert opened.errors == []
     opened.context.close()
