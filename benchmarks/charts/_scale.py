@@ -27,6 +27,8 @@ from ply.weave import ply_fibers
 FALL = 0.06  # [m] from the mold's middle to the farthest cup
 LEAST_RADIUS = 1.5  # [m] of the mold below small tools
 POSES = 4  # [-] a wave step
+LIFT = 0.6  # [1/m] of the path, as in a scene
+LARGE = 0.72  # [m] half a side beyond which less lift keeps within the strokes
 ON_CUP, ON_SPAN = 4, 7  # intervals of 10 mm
 START = 21  # cup that the front starts from
 REPEATS = 3
@@ -45,8 +47,9 @@ def _cups(rows: int, columns: int) -> dict:
     half = np.array([rows - 1, columns - 1]) * 0.11 / 2
     radius = max(LEAST_RADIUS, float(half @ half) / (2 * FALL))
     surface = {"kind": "paraboloid", "radius_x_m": radius, "radius_y_m": radius}
-    path = {"family": "rectangle_blend", "poses_per_step": POSES}
-    data = over(surface, path=path)
+    lift = LIFT * min(1.0, LARGE / float(half.max()))
+    path = {"family": "rectangle_blend", "poses_per_step": POSES, "lift_per_m": lift}
+    data = over(surface, path=path, robot={"name": "none"})
     seconds: dict[str, float] = {}
 
     def timed(stage: str, task: Callable):

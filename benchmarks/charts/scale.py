@@ -47,7 +47,20 @@ def measure(quick: bool) -> Results:
             continue
         seconds = {f"{k}_s": v for k, v in found.pop("seconds").items()}
         rows.append({"set": kind, **found, **seconds})
-    return Results("scale", rows, made_with("osqp", "pin", quick=quick), missing)
+    made = made_with("osqp", "pin", quick=quick)
+    return Results("scale", rows + fits(rows), made, missing)
+
+
+def fits(rows: list[dict]) -> list[dict]:
+    """Exponents of every stage and of memory, by the kind of size."""
+    found = []
+    for kind in PANELS:
+        own = [row for row in rows if row["set"] == kind]
+        for name in own[0] if len(own) > 1 else ():
+            if name == "peak_MB" or name.endswith("_s"):
+                x, y = [row["count"] for row in own], [row[name] for row in own]
+                found.append({"set": kind, "fit": name, "exponent": exponent(x, y)})
+    return found
 
 
 def exponent(x: list[float], y: list[float]) -> float:
@@ -64,22 +77,23 @@ def draw(results: Results) -> Figure:
     for axes, (kind, (title, y_label)) in zip(
         panels.flat, PANELS.items(), strict=False
     ):
-        rows = results.where(set=kind)
+        rows = _points(results, kind)
         log_log(axes, title, kind if kind != "batch" else "poses at a time", y_label)
         for k, stage in enumerate((*STAGES, *PARTS)):
             own = [row for row in rows if row.get(f"{stage}_s")]
             if own:
                 x, y = [r["count"] for r in own], [r[f"{stage}_s"] for r in own]
-                scatter(axes, x, y, stage, k, joined=True, notes=_slope(x, y))
+                scatter(axes, x, y, stage, k, joined=True)
+        _slope(axes, kind, results)
     _memory(panels[1, 1], results)
     legend(figure)
     return figure
 
 
 def _memory(axes: Axes, results: Results) -> None:
-    log_log(axes, "peak memory, interpreter and libraries included", "size", "[MB]")
+    log_log(axes, "peak memory, libraries included", "size", "[MB]")
     for k, kind in enumerate(PANELS):
-        rows = results.where(set=kind)
+        rows = _points(results, kind)
         x, y = [row["count"] for row in rows], [row["peak_MB"] for row in rows]
         scatter(axes, x, y, f"by {kind}", len(STAGES) + len(PARTS) + k, joined=True)
         if rows:
@@ -87,9 +101,16 @@ def _memory(axes: Axes, results: Results) -> None:
             axes.annotate(f"{y[-1]:.0f} MB", (x[-1], y[-1]), (-12, 5), **note)
 
 
-def _slope(x: list[float], y: list[float]) -> list[str]:
-    """The fitted exponent beside the last point."""
-    return [""] * (len(x) - 1) + ([f"^{exponent(x, y):.1f}"] if len(x) > 1 else [""])
+def _points(results: Results, kind: str) -> list[dict]:
+    return [row for row in results.where(set=kind) if "fit" not in row]
+
+
+def _slope(axes: Axes, kind: str, results: Results) -> None:
+    """The fitted exponent of all stages together."""
+    for row in results.where(set=kind, fit="total_s"):
+        text = f"all stages: size to the {row['exponent']:.1f}"
+        place = {"xycoords": "axes fraction", "fontsize": 7, "color": GRAY}
+        axes.annotate(text, (0.25, 0.95), **place)
 
 
 def _child(kind: str, *sizes: int) -> dict | str:
