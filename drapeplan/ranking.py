@@ -35,7 +35,7 @@ Progress = Callable[[str, float], None]
 Fidelity = Literal["equilibrium", "kinematic"]
 
 SAMPLES = 64  # [-] of each candidate that is looked at closely
-FEW = 6  # [-] candidates that are looked at closely at once
+FEW = 4  # [-] candidates that are looked at closely at once
 FIRST = 4 * MOST_SAMPLES  # [-] index of the first sample
 LOW = 0.05  # [-] quantile of the samples' margins
 DIGITS = 9  # decimals of the numbers in a row
