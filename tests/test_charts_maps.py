@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from benchmarks import charts
-from benchmarks.charts import _drapes, _maps, _sampled, maps, needs, scale, tool
+from benchmarks.charts import (
+    _drapes,
+    _maps,
+    _sampled,
+    maps,
+    needs,
+    scale,
+    tool,
+    verdict,
+)
 from benchmarks.charts._sampled import LINES
 from benchmarks.charts.results import Results, read
 from drapeplan import refine
@@ -87,7 +96,9 @@ def test_exponent_is_that_of_the_upper_half():
     assert scale.exponent(sizes, times) == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize("chart", [tool, maps, needs], ids=lambda m: m.__name__)
+@pytest.mark.parametrize(
+    "chart", [tool, verdict, scale, maps, needs], ids=lambda m: m.__name__
+)
 def test_released_tables_are_drawn(chart):
     figure = chart.draw(released(chart.__name__.rsplit(".", 1)[1]))
     assert all(axes.has_data() for axes in figure.axes)
