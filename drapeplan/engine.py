@@ -1,11 +1,11 @@
 """Engine: deterministic tasks on processes here or on a cluster, whoever does them.
 
-A task is a function of one item, with all that it needs inside: it travels with each
-batch of items, and a worker unpacks it once, however many batches it gets; what the
-task builds on the way stays with it. A batch holds about PACE seconds of work, by what
-the batches before took. Answers stand in the order of their items, so neither the
-number of workers nor the sizes of batches show in them; a batch whose worker dies is
-done again by another.
+A task is a function of one item, with all that it needs inside: it travels as a file
+here, with each batch on a cluster, and a worker unpacks it once, however many batches
+it gets; what the task builds on the way stays with it. A batch holds about PACE seconds
+of work, by what the batches before took. Answers stand in the order of their items, so
+neither the number of workers nor the sizes of batches show in them; a batch whose
+worker dies is done again by another.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ from concurrent.futures import (
 )
 from contextlib import suppress
 from functools import lru_cache
+from hashlib import sha256
 from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import get_ident
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -69,6 +72,7 @@ class Engine:
         """
         self.workers, self.cluster, self.pace = workers, cluster, pace
         self._client: Client | None = None
+        self._folder: TemporaryDirectory[str] | None = None
 
     def __enter__(self) -> Engine:
         """Find the cluster, if one is asked for.
@@ -88,6 +92,8 @@ class Engine:
         trace: TracebackType | None,
     ) -> None:
         """Leave the workers; an interruption ends those of this machine."""
+        if self._folder:
+            self._folder.cleanup()
         if self._client:
             self._client.close()
         elif self.workers > 1 and kind is not None:
@@ -121,9 +127,19 @@ class Engine:
             for k, item in enumerate(items):
                 take([k], [task(item)])
         elif items:
-            packed = cloudpickle.dumps(task)
+            packed = self._handed_out(cloudpickle.dumps(task))
             _Dispatch(self, packed, items, take).run()
         return answers
+
+    def _handed_out(self, packed: bytes) -> bytes | Path:
+        """What stands for a task in its batches: a file, if workers can read it."""
+        if self._client:
+            return packed
+        self._folder = self._folder or TemporaryDirectory(prefix="drapeplan-")
+        file = Path(self._folder.name) / sha256(packed).hexdigest()
+        if not file.exists():
+            file.write_bytes(packed)
+        return file
 
     def _executor(self) -> Any:
         """Where batches are handed in; a new one where workers died."""
@@ -138,7 +154,7 @@ class _Dispatch:
     """One map at work."""
 
     def __init__(
-        self, engine: Engine, packed: bytes, items: Sequence[Any], take: Told
+        self, engine: Engine, packed: bytes | Path, items: Sequence[Any], take: Told
     ) -> None:
         self.engine, self.packed, self.items, self.take = engine, packed, items, take
         self.left = list(range(len(items)))
@@ -197,7 +213,7 @@ class _Dispatch:
             raise broken
 
 
-def _work(packed: bytes, items: list[Any]) -> tuple[list[Any], float]:
+def _work(packed: bytes | Path, items: list[Any]) -> tuple[list[Any], float]:
     """Answers of a batch, and the time that they took, in [s]."""
     start = time.perf_counter()
     task = _unpacked(packed, get_ident())
@@ -206,9 +222,10 @@ def _work(packed: bytes, items: list[Any]) -> tuple[list[Any], float]:
 
 
 @lru_cache(maxsize=KEPT)
-def _unpacked(packed: bytes, thread: int) -> Callable[[Any], Any]:
+def _unpacked(packed: bytes | Path, thread: int) -> Callable[[Any], Any]:
     """A task as this worker knows it; each thread has its own, for what it builds."""
-    task: Callable[[Any], Any] = pickle.loads(packed)
+    data = packed.read_bytes() if isinstance(packed, Path) else packed
+    task: Callable[[Any], Any] = pickle.loads(data)
     return task
 
 
