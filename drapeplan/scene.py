@@ -269,9 +269,9 @@ class Scene(Section):
         """The radial family lays cups in the order of their distance."""
         if not isinstance(data, dict) or _named(data, "path", "family") != "radial":
             return data
-        if data.get("sequence") == "auto":
-            return data
         sequence = data.get("sequence") or {}
+        if not isinstance(sequence, dict):
+            return data
         if _named(data, "sequence", "pattern") in (None, "auto"):
             sequence = {**sequence, "pattern": "radial"}
         return {**data, "sequence": sequence}

@@ -99,6 +99,13 @@ def test_binary_file(tmp_path):
         read_scene(path)
 
 
+@pytest.mark.parametrize("sequence", [[1], "middle", 3])
+def test_the_radial_family_meets_a_sequence_that_is_none(sequence):
+    data = GOOD | {"path": {"family": "radial"}, "sequence": sequence}
+    with pytest.raises(InputError, match="sequence"):
+        scene_from(data, "scene.yaml")
+
+
 def test_the_radial_family_brings_its_order():
     scene = scene_from(GOOD | {"path": {"family": "radial"}}, "scene.yaml")
     assert scene.sequence.pattern == "radial"
