@@ -32,7 +32,7 @@ def arm_failures(arm: dict[str, Any], labels: Sequence[str]) -> list[str]:
     if arm["least_singular_value_m"] < arm["needed_singular_value_m"]:
         k = arm["singular_waypoint"]
         lines.append(
-            f"The arm comes near a singularity at waypoint {k} ({labels[k]}): its "
+            f"The arm comes near a singularity at waypoint {k + 1} ({labels[k]}): its "
             f"least singular value is {1e3 * arm['least_singular_value_m']:.0f} mm, "
             f"{1e3 * arm['needed_singular_value_m']:.0f} mm are needed: move mold or "
             "pick table, or give another posture (robot.home_rad)."
@@ -41,8 +41,8 @@ def arm_failures(arm: dict[str, Any], labels: Sequence[str]) -> list[str]:
         k = arm["tightest_waypoint"]
         lines.append(
             f"Joint {arm['tightest_joint']} of the arm passes its limit by "
-            f"{-arm['least_joint_room_deg']:.2g} deg at waypoint {k} ({labels[k]}): "
-            "give another posture (robot.home_rad)."
+            f"{-arm['least_joint_room_deg']:.2g} deg at waypoint {k + 1} "
+            f"({labels[k]}): give another posture (robot.home_rad)."
         )
     return lines
 
@@ -88,7 +88,8 @@ def _near(row: dict[str, Any], labels: Sequence[str]) -> str:
     a, b = row["between"]
     k, least = row["waypoint"], row["least_mm"]
     how = f"overlap by {-least:.1f} mm" if least < 0 else f"stand {least:.1f} mm apart"
-    when = f"waypoint {k}" if row["share"] == 0 else f"waypoints {k} and {k + 1}"
+    n = k + 1
+    when = f"waypoint {n}" if row["share"] == 0 else f"waypoints {n} and {n + 1}"
     when = f"{'at' if row['share'] == 0 else 'between'} {when} ({labels[k]})"
     kind = row["what"].split(" to ")[1]
     remedy = REMEDIES.get(kind, REMEDIES["tool"])

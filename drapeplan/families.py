@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
 from drapeplan.section import Section, Size, Small
 
@@ -14,7 +14,24 @@ OFFSET = (
 )
 CIRCLE = "[mm] from the outermost placed center to where the lift begins"
 LIFT = "[1/m] c of c d^2; one number, or one along s and one along t"
-Lift = Annotated[float, Field(gt=0, le=100)]
+STEEPEST = 5  # [1/m] lifts a ply by half a meter at its corners, far beyond any use
+Lift = Annotated[float, Field(gt=0, le=STEEPEST)]
+
+
+def _one_or_pair(value: Any, checked: ValidatorFunctionWrapHandler) -> Any:
+    """A lift, or one sentence for all that can be wrong with it."""
+    try:
+        return checked(value)
+    except ValidationError as error:
+        raise ValueError(
+            "must be one number or a pair (along s, along t), each greater than 0 and "
+            f"at most {STEEPEST}"
+        ) from error
+
+
+Lifts = Annotated[
+    Lift | tuple[Lift, Lift], WrapValidator(_one_or_pair), Field(description=LIFT)
+]
 
 
 class FamilySection(Section):
@@ -29,7 +46,7 @@ class RectangleBlendPath(FamilySection):
     """The lifted surface rolls down on the sides of the placed rectangle."""
 
     family: Literal["rectangle_blend"] = "rectangle_blend"
-    lift_per_m: Annotated[Lift | tuple[Lift, Lift], Field(description=LIFT)] = 0.6
+    lift_per_m: Lifts = 0.6
     bend_mm: Size = 120.0
     rim_offset_mm: Annotated[float, Field(ge=-20, le=100, description=OFFSET)] = 0.0
 

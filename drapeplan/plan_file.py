@@ -177,7 +177,10 @@ class CandidatesBlock(_Strict):
 
 
 class Document(_Strict):
-    """The file's keys; `scene` and `mold` have readers of their own."""
+    """The file's keys; `scene` and `mold` have readers of their own.
+
+    A `waypoint` here is an index, from 0; sentences and the preview count from 1.
+    """
 
     format: Literal["drapeplan-plan/1"]
     hash: str

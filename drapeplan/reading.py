@@ -99,6 +99,10 @@ def first_mistake(
         problem = "unknown key"
         near = difflib.get_close_matches(location[-1], keys, 1)
         remedy = f"did you mean {near[0]}?" if near else "remove it"
+        if location[-1] in keys:  # of another place, or another member of the union
+            owner = str(first["loc"][-2]) if len(first["loc"]) > 1 else ""
+            here = owner if _is_variant(owner, variants) else "this place"
+            problem, remedy = f"is not a key of {here}", "remove it"
     elif kind == "missing":
         problem, remedy = "is missing", "add it"
     elif kind == "finite_number":

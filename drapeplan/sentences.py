@@ -111,7 +111,7 @@ def _coupling_sentences(
     i, j = effect["patch"]
     size = f"{effect['size_mm']:.2f} mm"
     line = f"Strips that hold each other, left out: estimated {size} rms over"
-    line += f" patch ({i}, {j}) at waypoint {effect['waypoint']}"
+    line += f" patch ({i}, {j}) at waypoint {effect['waypoint'] + 1}"
     solved = [one for one in facts["coupled"] if one["measured_mm"] is not None]
     if not facts["coupled"]:
         return [f"{line}, within {tolerance}."]
@@ -121,7 +121,7 @@ def _coupling_sentences(
     i, j = worst["patch"]
     line += f"; solved for {len(solved)} of the worst patches, they lie up to "
     line += f"{worst['measured_mm']:.2f} mm rms off, {worst['largest_mm']:.2f} mm at a "
-    line += f"point: patch ({i}, {j}), waypoint {worst['waypoint']}"
+    line += f"point: patch ({i}, {j}), waypoint {worst['waypoint'] + 1}"
     if worst["measured_mm"] > facts["tolerance_mm"]:
         line += f". That is beyond {tolerance}: read the margins against it"
     return [f"{line}."]

@@ -1,4 +1,7 @@
-"""Words: a verdict in sentences that a laminator would use."""
+"""Words: a verdict in sentences that a laminator would use.
+
+Sentences count waypoints from 1, as the preview does; plain data holds indices, from 0.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +85,7 @@ def failures(verdict: dict[str, Any], front: FrontVerdict, track: Track) -> list
     if not limits["good"]:
         lines.append(
             f"Joint {limits['tightest_joint']} passes its limit at waypoint "
-            f"{limits['waypoint']}, or a rate is passed "
+            f"{limits['waypoint'] + 1}, or a rate is passed "
             f"({100 * limits['largest_rate_share']:.0f} % of what is allowed)."
         )
     lines += arm_failures(verdict["arm"], names)
@@ -96,7 +99,8 @@ def _tool_lines(verdict: dict[str, Any]) -> list[str]:
         cup, fall = tuple(touch["fall_cup"]), touch["largest_fall_mm"]
         lines.append(
             f"Cup {cup} is {fall:.1f} mm above the mold at the last waypoint before it "
-            "stands: how it lands was not looked at; lower path.last_gap_mm."
+            "stands: how it lands was not looked at; lower path.toe_up_deg where it "
+            "is above 2, or path.last_gap_mm."
         )
     if touch["largest_slide_mm"] > touch["slide_limit_mm"]:
         cup, slide = tuple(touch["slide_cup"]), touch["largest_slide_mm"]
@@ -117,7 +121,7 @@ def _tool_lines(verdict: dict[str, Any]) -> list[str]:
             "interlinks, a stiffer ply or another start would help."
         )
     if rest and not rest["good"]:
-        where = rest["unsettled_waypoint"]
+        where = rest["unsettled_waypoint"] + 1
         problem = "moves when it is let go" if rest["stable"] else "has no stable rest"
         lines.append(f"The tool {problem} at waypoint {where}.")
     return lines

@@ -90,7 +90,7 @@ def test_a_mold_in_the_arm_names_both_bodies_and_what_helps(drape):
     worst = least(arm, "arm to mold")
     text = " ".join(arm_failures(arm, labels(track)))
     assert f"{worst['between'][0]} and mold overlap by" in text
-    assert f"waypoint {worst['waypoint']}" in text or "waypoints" in text
+    assert f"waypoint {worst['waypoint'] + 1}" in text or "waypoints" in text
     assert "mold.position_m" in text
 
 
@@ -148,7 +148,7 @@ def test_a_joint_past_its_limit_is_named(drape):
     assert not _limits(dataclasses.replace(track, arm=arm))["within"]
     assert _limits(track)["within"]
     words = " ".join(arm_failures(found, labels(track)))
-    assert "elbow_joint of the arm passes its limit by 0.57 deg at waypoint 50" in words
+    assert "elbow_joint of the arm passes its limit by 0.57 deg at waypoint 51" in words
 
 
 def test_payload_of_tool_and_ply(drape):

@@ -137,6 +137,7 @@ def test_where_coupling_may_matter_the_worst_patches_are_solved(saddle, path):
     assert choice.coupled[0].waypoint == effect.waypoint
     text = " ".join(ply_sentences(choice.to_dict()))
     assert "read the margins against it" in text
+    assert f" at waypoint {effect.waypoint + 1}; solved" in text
 
 
 def test_nothing_is_solved_where_coupling_does_not_matter(saddle, path):

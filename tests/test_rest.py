@@ -137,7 +137,7 @@ def test_a_consistent_forgery_fails_the_check(alter):
     k, found = remade(alter)
     assert not found.passed
     assert not found.broken
-    words = f"The tool moves when it is let go at waypoint {k}."
+    words = f"The tool moves when it is let go at waypoint {k + 1}."
     assert words in found.violated
 
 

@@ -46,8 +46,20 @@ def changed(path, value):
         (
             "path",
             {"family": "rectangle_blend", "lift_per_m": [0.5, 0]},
-            ["path.lift_per_m", "1 more to mend"],
+            ["path.lift_per_m: must be one number or a pair", "greater than 0"],
         ),
+        (
+            "path",
+            {"family": "rectangle_blend", "lift_per_m": [0.5, 0.6, 0.7]},
+            ["path.lift_per_m: must be one number or a pair", "at most 5"],
+        ),
+        ("path", {"family": "radial", "lift_per_m": 5.1}, ["lift_per_m", "at most 5"]),
+        (
+            "path",
+            {"family": "radial", "rim_offset_mm": 5},
+            ["path.rim_offset_mm: is not a key of radial (found 5); remove it"],
+        ),
+        ("rim_offset_mm", 5, ["rim_offset_mm: is not a key of this place"]),
         ("sequence.pattern", "radial", ["pattern radial needs path.family"]),
         ("lead", {"toe_up_deg": 1}, ["lead", "unknown key"]),
         ("seed", -3, ["seed", "at least 0"]),

@@ -20,6 +20,7 @@ from viewer import findings, packing
 from viewer.details import GAP_LOWEST, GAP_STEP, details
 from viewer.plan_view import MARGIN_SHOWN, Statement
 from viewer.scene import view_of
+from viewer.statements import _moment
 
 pytestmark = pytest.mark.xdist_group("spoiled")  # one worker makes the plans
 CLIPPED = 1e-5  # [m] by which ply put on the mold may miss it, from 2 mm below
@@ -193,10 +194,22 @@ def test_statements_speak_of_their_moment_and_place(bad):
     cup = next(c for c in BORDER if str(divmod(c, 3)) in high.text)
     assert high.pose == spoiled_plan().track.placed[:, cup].argmax()
     assert high.place == pytest.approx((0.11 * (cup % 3), 0.11 * (cup // 3)))
+    assert "lower path.toe_up_deg where it is above 2" in high.text
     (fiber,) = [t for t in bad.statements if t.text.startswith("Length-infeasible")]
     assert fiber.pose is not None
     assert fiber.place is not None
     assert bad.statements[-1] == Statement(bad.verdict[-1])  # on fidelity: no moment
+
+
+def test_waypoints_in_sentences_count_from_1():
+    """As the page's counter does: `waypoint 51` is the pose of index 50."""
+    plan = spoiled_plan()
+    assert _moment(plan, (), "The tool moves at waypoint 51.") == (50, None)
+    limits = plan.verdict["limits"] | {"good": False, "waypoint": 50}
+    verdict = plan.verdict | {"limits": limits}
+    (line,) = [x for x in failures(verdict, front(), plan.track) if " rate is " in x]
+    assert _moment(plan, (), line)[0] == 50
+    assert "at waypoint 51," in line
 
 
 def test_rungs_are_those_of_the_strips(good, bad):

@@ -63,7 +63,7 @@ def _moment(plan: Plan, fibers: tuple[LongFiber, ...], line: str) -> Moment:
             return int(fiber.poses[0]), (middle[0], middle[1])
     cup, waypoint = CUP.search(line), WAYPOINT.search(line)
     index = plan.cell.grid.columns * int(cup[1]) + int(cup[2]) if cup else None
-    pose = int(waypoint[1]) if waypoint else None
+    pose = int(waypoint[1]) - 1 if waypoint else None
     if pose is None:
         begun = [k for k, name in enumerate(labels(plan.track)) if _begins(line, name)]
         pose = begun[0] if begun else None
