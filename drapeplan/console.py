@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drapeplan.arm_words import arm_lines
 from drapeplan.errors import DrapeplanError
 from drapeplan.files import unwritable
 
@@ -115,10 +114,9 @@ def show_verdict(
         robust: What becomes of the plan under uncertainty, where that was asked.
         written: Files written.
     """
+    from drapeplan.remarks import remarks
     from drapeplan.robustness_words import document
     from drapeplan.robustness_words import sentences as doubts
-    from drapeplan.sentences import ply_sentences
-    from drapeplan.words import touch_sentence
 
     files = [str(path) for path in written or []]
     if as_json:
@@ -131,30 +129,8 @@ def show_verdict(
     print("good" if verdict["good"] else "not good")
     for line in lines:
         print(f"  {line}")
-    links, landing = verdict["interlinks"], verdict["landing"]
-    limits, fibers = verdict["limits"], verdict["fibers"]
-    low, high = limits["stroke_range_mm"]
-    print(
-        f"  At the waypoints, interlinks within {_bound(links['worst_error_mm'])} mm; "
-        f"placed cups within {_bound(landing['worst_distance_mm'])} mm and "
-        f"{_bound(landing['worst_angle_deg'])} deg of their targets."
-    )
-    print(f"  {touch_sentence(verdict['touch'])}")
-    print(
-        f"  Strokes {low:.0f} to {high:.0f} mm, "
-        f"{limits['least_stroke_room_mm']:.0f} mm from the nearest end; "
-        f"{limits['least_joint_room_deg']:.1f} deg to the nearest joint limit."
-    )
-    print(
-        f"  Fibers have up to {max(0.0, fibers['largest_surplus_mm']):.2f} mm too much "
-        f"between cups and {max(0.0, fibers['longest_need_mm']):.2f} mm too little; "
-        f"the weave takes up {fibers['take_up_mm']:g} mm."
-    )
-    print(f"  Mold: {verdict['mold']}.")
-    for line in ply_sentences(verdict["ply_model"]):
-        print(f"  {line}")
-    for line in arm_lines(verdict["arm"]):
-        print(f"  {line}")
+    for remark in remarks(verdict):
+        print(f"  {remark.text}")
     print("  step  cups  premature mm  air pocket mm  penetration mm")
     for row in verdict["steps"]:
         early, air = (
@@ -178,8 +154,3 @@ def show_robustness(robust: Robustness) -> None:
     print(*sentences(robust), *table(robust), sep="\n")
     for line in approximations(robust):
         print(f"  ({line})")
-
-
-def _bound(value: float) -> str:
-    """A small number as a bound: what is recorded ends at nine decimals."""
-    return f"{max(value, 1e-9):.0e}"
