@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from drapeplan.errors import InputError
 from drapeplan.files import check_outputs, write_bytes
-from drapeplan.plan import Plan
+from drapeplan.plan import Plan, document_hash
 
 if TYPE_CHECKING:
     from viewer.plan_view import PlanView
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 SIDE_BY_SIDE = 2  # plans
 LEAST, MOST = 200, 8000  # [px] of a picture's sides
 SIZE = "1280x720"
+ALTERED = "drapeplan check says what was altered"
 
 
 @dataclass(frozen=True)
@@ -142,11 +143,12 @@ def _views(plan_files: Sequence[Path]) -> list[PlanView]:
     for file in plan_files:
         plan = Plan.read(file)
         try:
+            if document_hash(plan.document) != plan.document["hash"]:
+                raise InputError(str(file), "hash", "does not fit the content", ALTERED)
             views.append(view_of(plan))
         except (LookupError, TypeError, ValueError, ArithmeticError) as error:
             problem = f"its parts do not fit together ({error})"
-            remedy = "drapeplan check says what was altered"
-            raise InputError(str(file), "", problem, remedy) from error
+            raise InputError(str(file), "", problem, ALTERED) from error
     return views
 
 

@@ -38,13 +38,16 @@ the samples' margins, at most 3 mm.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from drapeplan.scene import UncertaintySection
 
 MOST_SAMPLES = 100_000  # [-] of a plan under uncertainty: hours of work
+Share = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
+Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
 Quantiles = dict[Literal["5", "50", "95"], float | None]
 
 
@@ -88,13 +91,13 @@ class _Waypoint(_Strict):
 
 
 class _WrongOrder(_Strict):
-    samples: int
-    share: float
-    low_95: float
-    high_95: float
-    premature: int
-    air_pocket: int
-    no_rest: int
+    samples: Count
+    share: Share
+    low_95: Share
+    high_95: Share
+    premature: Count
+    air_pocket: Count
+    no_rest: Count
 
 
 class _Margins(_Strict):
@@ -109,16 +112,16 @@ class _Press(_Strict):
 
 
 class _WorstStep(_Strict):
-    step: int
+    step: Annotated[int, Field(ge=0)]
     cups: list[tuple[int, int]]
-    wrong: int
+    wrong: Count
     mean_margin_mm: float
 
 
 class _Alone(_Strict):
     parameter: str
-    samples: int
-    P: float
+    samples: Samples
+    P: Share
     margin_mm: Quantiles
     press_mm: Quantiles
 
@@ -126,8 +129,8 @@ class _Alone(_Strict):
 class RobustnessBlock(_Strict):
     """A plan under uncertainty, as `robustness_words.document` writes it."""
 
-    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
-    seed: int
+    samples: Samples
+    seed: Annotated[int, Field(ge=0)]
     depth: Literal["poses", "tool"]
     uncertainty: UncertaintySection
     wrong_order: _WrongOrder
@@ -138,6 +141,16 @@ class RobustnessBlock(_Strict):
     parameters: list[_Alone]
     largest_link_error_mm: float
     approximations: list[str]
+
+    @model_validator(mode="after")
+    def _counted(self) -> Self:
+        """Refuse more samples gone wrong than there are."""
+        wrong = self.wrong_order
+        counts = [wrong.samples, wrong.premature, wrong.air_pocket, wrong.no_rest]
+        counts += [self.worst_step.wrong] if self.worst_step else []
+        if max(counts) > self.samples:
+            raise ValueError(f"{max(counts)} of {self.samples} samples are too many")
+        return self
 
 
 class CandidateRow(_Strict):
@@ -151,8 +164,8 @@ class CandidateRow(_Strict):
     refused: str | None = None
     not_good: list[str] = []
     shortfall: float = 0.0
-    samples: Annotated[int, Field(ge=0, le=MOST_SAMPLES)] = 0
-    wrong: int = 0
+    samples: Count = 0
+    wrong: Count = 0
     low_margin_mm: float | None = None
     margin_mm: float | None = None
     penetration_mm: float | None = None
@@ -171,7 +184,7 @@ class CandidateRow(_Strict):
 class CandidatesBlock(_Strict):
     """What a plan was chosen from, as `drapeplan rank` tells it, the best first."""
 
-    samples: int
+    samples: Count
     seed: int
     rows: Annotated[list[CandidateRow], Field(min_length=1)]
 

@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose
 
 from drapeplan import cli
 from drapeplan.files import write_text
+from drapeplan.plan import document_hash
 from tests.plans import BOWL, EXAMPLES, PARABOLOID, panel
 from tests.settled import small_panel, tool_section
 
@@ -418,9 +419,12 @@ def test_preview_of_parts_that_do_not_fit(drapeplan, tmp_path, key):
         document[key]["position_m"].pop()
     else:
         document[key] = {}
+    if key != "verdict":  # its hash is left as it was
+        document["hash"] = document_hash(document)
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(document))
     ended = drapeplan("preview", path, "-o", tmp_path / "page.html")
+    assert ("hash" in ended.err) == (key == "verdict")
     assert (ended.code, ended.err.count("\n")) == (2, 1), ended.err
     assert "drapeplan check" in ended.err
     assert not (tmp_path / "page.html").exists()

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tests.browser import OpenPage, find_browser, launch, synthetic_view
 from viewer import colors, page
 from viewer.moments import moments
-from viewer.plan_view import TOUCH, Event, LongFiber
+from viewer.plan_view import Event, LongFiber
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -36,7 +36,8 @@ def faulty(view):
 @pytest.fixture(scope="module")
 def views():
     """Two drapes: the second is larger, elsewhere, and has fewer poses."""
-    small = synthetic_view(12, SAMPLES, (4.0, 1.0, 0.3), 2.0, title="Second <b>")
+    told = {"title": "Second <b>", "touch": 4e-3, "penetration": 2e-3}
+    small = synthetic_view(12, SAMPLES, (4.0, 1.0, 0.3), 2.0, **told)
     return faulty(synthetic_view(24, SAMPLES)), small
 
 
@@ -194,20 +195,21 @@ def test_faults_are_marked_where_and_when_they_happen(pair, views):
     assert not pair.run(f"{marks}.regions.air_pocket.visible")
 
 
-def test_front_runs_where_the_ply_leaves_the_mold(pair, views):
-    """Every point of the line lies on the ply at the height of touch."""
+@pytest.mark.parametrize("drape", [0, 1])
+def test_front_runs_where_the_ply_leaves_the_mold(pair, views, drape):
+    """Every point of the line lies on the ply at the height of its drape's touch."""
     pair.page.fill("#slider", "9")
-    front = "app.drapes[0].front.mesh"
+    front, pose = f"app.drapes[{drape}].front.mesh", shown(pair)[1][drape]
     raw = pair.run(
         f"Array.from({front}.instanceMatrix.array).slice(0, 16 * {front}.count)"
     )
     matrices = np.reshape(raw, (-1, 4, 4))
     ends = matrices[:, 3, :3] + matrices[:, 1, :3] / 2
-    view = views[0]
-    y = view.ply_points[9, :, 0, 1]  # the gap of this drape depends on y alone
-    above = view.gap[9, :, 0] - view.gap[-1, :, 0]
+    view = views[drape]
+    y = view.ply_points[pose, :, 0, 1]  # the gap of this drape depends on y alone
+    above = view.gap[pose, :, 0] - view.gap[-1, :, 0]
     assert len(ends) >= 2 * (SAMPLES[1] - 1)
-    assert_allclose(np.interp(ends[:, 1], y, above), TOUCH, atol=2 * LEVEL + 5e-5)
+    assert_allclose(np.interp(ends[:, 1], y, above), view.touch, atol=2 * LEVEL + 5e-5)
 
 
 def test_colors_can_be_changed(pair, views):

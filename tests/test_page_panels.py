@@ -41,7 +41,7 @@ ROBUST = {
             "parameter": HOSTILE,
             "samples": 32,
             "P": 0.0,
-            "margin_mm": quantiles(1.0, None, None),
+            "margin_mm": quantiles(1.0, 3.0, None),
             "press_mm": quantiles(0.1, 0.2, 0.3),
         },
     ],
@@ -329,7 +329,7 @@ def test_robustness_is_told_with_its_interval(opened):
     assert "8 of 64 samples; 95 % within 0.060 to 0.230" in text
     assert "cup angle" in text
     assert "-0.40 · 0.80 · 2.00" in text
-    assert "1.00 · none near · none near" in text
+    assert "1.00 · ≥ 3 · ≥ 3" in text
     first = body.locator("svg").nth(0)
     bar, dot = first.locator(".interval"), first.locator(".share")
     left, width = (float(bar.get_attribute(k)) for k in ("x", "width"))

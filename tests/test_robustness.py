@@ -11,6 +11,7 @@ from drapeplan.errors import InputError
 from drapeplan.intervals import share_interval
 from drapeplan.noise import Spread
 from drapeplan.plan import Plan
+from drapeplan.plan_file import RobustnessBlock
 from drapeplan.report_robustness import tornado_figure
 from drapeplan.robustness import Effect, Robustness, robustness
 from drapeplan.robustness_words import document, sentences, table
@@ -199,6 +200,22 @@ def small_scene(tmp_path_factory):
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(data))
     return path
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("share", -3.5), ("low_95", -1e-3), ("high_95", 7.0)),
+        *(("samples", 5), ("premature", -1), ("no_rest", 10**9)),
+    ],
+)
+def test_a_file_with_impossible_counts_is_refused(found, key, value):
+    """Four samples, shares from 0 to 1."""
+    told = document(found)
+    RobustnessBlock.model_validate(told)
+    told["wrong_order"][key] = value
+    with pytest.raises(ValueError, match=key if key != "samples" else "5 of 4"):
+        RobustnessBlock.model_validate(told)
 
 
 def test_a_plan_keeps_what_becomes_of_it(drapeplan, small_scene, tmp_path):

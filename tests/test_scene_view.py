@@ -1,5 +1,6 @@
 """What the preview is told of a plan, against its verdict."""
 
+import copy
 import json
 from dataclasses import replace
 
@@ -78,9 +79,58 @@ def test_events_stand_at_the_poses_whose_margins_are_gone(bad):
     for kind, column in (("premature_contact", 0), ("air_pocket", 1)):
         told = {e.pose for e in bad.events if e.kind == kind}
         gone = set(np.flatnonzero(bad.margins[:, column] <= 0).tolist())
-        assert told
-        assert told <= gone
+        assert told == gone
         assert {e.pose for e in front().events if e.kind == kind} <= told
+
+
+def test_a_pose_whose_way_alone_is_bad_shows_the_event_of_its_step(bad):
+    """Not the nearer one of another step."""
+    seen = [e for e in bad.events if e.kind == EventKind.PREMATURE][:1]
+    first = seen[0].pose
+    found = [seen[0]._replace(pose=first + 3), *seen]
+    steps = np.zeros(bad.poses, int)
+    steps[first + 3] = 1
+    margin = np.full_like(front().premature_margin, np.inf)
+    margin[[first, first + 2, first + 3]] = -1e-4
+    verdict = replace(
+        front(),
+        premature_margin=margin,
+        air_margin=np.full_like(margin, np.inf),
+        span_penetration=np.zeros_like(margin),
+        pad_penetration=np.zeros_like(margin),
+    )
+    (made,) = findings._on_the_way(verdict, found, steps, list(bad.labels))
+    assert (made.pose, made.on_way) == (first + 2, True)
+    assert made.sentence.endswith(f"as at waypoint {first + 1}.")
+    assert made.samples is seen[0].samples
+
+
+def test_a_forged_verdict_is_not_shown(bad):
+    """Nor is any other than the one that follows from the joints."""
+    plan = spoiled_plan()
+    forged = {**plan.document, "verdict": good_plan().verdict}
+    view = view_of(Plan(forged).known(plan.cell, plan.judged))
+    assert not view.good
+    assert view.verdict == bad.verdict
+
+
+def test_contact_is_judged_by_the_tolerance_of_the_scene(good):
+    plan = good_plan()
+    document = copy.deepcopy(plan.document)
+    document["scene"]["tolerance"] |= {"touch_mm": 2.0, "pad_penetration_mm": 3.0}
+    made = Plan(document)
+    vars(made)["judged"] = plan.judged  # spares the time to judge it anew
+    view = view_of(made)
+    assert (view.touch, view.penetration) == (2e-3, 3e-3)
+    assert_array_equal(view.contact_share(), (good.gap <= 2e-3).mean(axis=(1, 2)))
+    assert (view.contact_share() > good.contact_share()).any()
+
+
+def test_what_turns_or_hides_text_is_replaced():
+    hidden = "gpj.\u202eexe\u2066 a\x00"
+    view = synthetic_view(3, (6, 5), title=hidden, facts=(("Mold", hidden),))
+    assert view.title == "gpj.\ufffdexe\ufffd a\ufffd"
+    assert view.facts == (("Mold", view.title),)
 
 
 def test_premature_contact_is_on_the_far_cup(bad):
@@ -107,7 +157,7 @@ def test_pocket_lies_within_the_rim(bad):
         assert j.min() > 0
         assert i.max() < bad.gap.shape[1] - 1
         assert j.max() < bad.gap.shape[2] - 1
-    seen = pockets[-1]
+    seen = [event for event in pockets if not event.on_way][-1]
     height = (bad.gap[seen.pose] - final).ravel()[seen.samples]
     assert height.max() == pytest.approx(seen.depth, abs=1e-9)
     assert (height > plan.judged[1].front.tolerance.touch).all()

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from drapeplan.robustness_words import NAMES
+from drapeplan.rolling import CAP
 from viewer import packing
-from viewer.plan_view import MARGIN_SHOWN, PlanView
+from viewer.plan_view import MARGIN_SHOWN, PlanView, readable
 
 Array = np.ndarray
 
@@ -33,7 +34,7 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         long_fibers: As plan_view.LongFiber; samples and poses are blobs of uint32.
         rungs: Names, and a blob of uint8 (K, m) in the order of cups.interlinks.
         statements, facts: As in the view.
-        robustness: The plan's block, or None.
+        robustness: The plan's block with `most_mm`, where margins end; or None.
     """
     around, pads = view.cups_around, view.pads
     return {
@@ -76,14 +77,14 @@ def details(view: PlanView, payload: packing.Payload) -> dict[str, object]:
 
 
 def _labeled(found: dict[str, Any] | None) -> dict[str, Any] | None:
-    """The block on uncertainty with a name for each parameter to read."""
+    """The block on uncertainty with names of parameters, and where margins end."""
     if found is None:
         return None
     rows = [
-        {**row, "label": NAMES.get(row["parameter"], row["parameter"])}
+        {**row, "label": NAMES.get(row["parameter"], readable(row["parameter"]))}
         for row in found["parameters"]
     ]
-    return {**found, "parameters": rows}
+    return {**found, "parameters": rows, "most_mm": 1e3 * CAP}
 
 
 def _whole_steps(gap: Array) -> Array:

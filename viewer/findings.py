@@ -53,8 +53,10 @@ def events(plan: Plan) -> tuple[Event, ...]:
         plan: The plan.
 
     Returns:
-        For each kind and each waypoint at which it is seen all that it takes in, and
-        the verdict's own events, which may happen on the way to their waypoint.
+        For each kind and each waypoint at which it is seen all that it takes in; the
+        verdict's own events, which may happen on the way to their waypoint; and at
+        other waypoints whose way shows a kind the nearest such event, of the same step
+        if there is one.
     """
     cell, contact, track = plan.cell, plan.judged[1], plan.track
     front, names = contact.front, labels(track)
@@ -65,10 +67,37 @@ def events(plan: Plan) -> tuple[Event, ...]:
     for event, line in zip(front.events, lines, strict=False):
         same = seen.get((event.kind, event.pose))
         samples = _near(event, front, grid) if same is None else same.samples
-        found.append(_told(event, event.pose, samples, line))
+        made = _told(event, event.pose, samples, line)
+        found.append(made._replace(on_way=same is None))
         told.add((event.kind, event.pose))
     found += [event for key, event in seen.items() if key not in told]
+    found += _on_the_way(front, found, wave_steps(track), names)
     return tuple(sorted(found, key=lambda event: (event.pose, event.kind)))
+
+
+def _on_the_way(
+    front: FrontVerdict, found: list[Event], steps: Array, names: list[str]
+) -> Iterator[Event]:
+    """Stand-ins at the waypoints whose way shows a kind that nothing tells of."""
+    for kind, bad in _bad(front).items():
+        same = [event for event in found if event.kind == kind]
+        poses = np.array([event.pose for event in same])
+        for k in np.setdiff1d(np.flatnonzero(bad), poses).tolist() if same else ():
+            far = np.lexsort((np.abs(poses - k), steps[poses] != steps[k]))
+            near = same[far[0]]
+            line = f"{names[k]}: on the way here, as at waypoint {near.pose + 1}."
+            yield near._replace(pose=k, sentence=line, on_way=True)
+
+
+def _bad(front: FrontVerdict) -> dict[EventKind, Array]:
+    """Waypoints whose way shows what a kind names, shape (K,) each."""
+    most = front.tolerance
+    return {
+        EventKind.PREMATURE: front.premature_margin <= 0,
+        EventKind.AIR_POCKET: front.air_margin <= 0,
+        EventKind.PENETRATION: front.span_penetration > most.penetration,
+        EventKind.PAD_PENETRATION: front.pad_penetration > most.pad_penetration,
+    }
 
 
 def _at_waypoints(plan: Plan, grid: FrontGrid, names: list[str]) -> Iterator[Event]:
@@ -77,10 +106,7 @@ def _at_waypoints(plan: Plan, grid: FrontGrid, names: list[str]) -> Iterator[Eve
     front = contact.front
     gap = np.where(contact.beside, HIGH, np.minimum(contact.gap, HIGH))
     final = np.where(contact.beside, 0.0, contact.gap[-1])
-    bad = np.minimum(front.premature_margin, front.air_margin) <= 0
-    bad |= front.span_penetration > tolerance.penetration
-    bad |= front.pad_penetration > tolerance.pad_penetration
-    for k in map(int, np.flatnonzero(bad)):
+    for k in map(int, np.flatnonzero(np.any([*_bad(front).values()], axis=0))):
         cups = plan.track.placed[k], plan.track.landing[k]
         laid, pads = grid.laid(cups[0]), grid.on_pads(cups[1])
         one = slice(k, k + 1)

@@ -17,7 +17,7 @@ function sampleAt(drape, x, y) {
 
 /** Gap at a sample, as a text. */
 function gapText(drape, sample) {
-  const { gap_shown, penetration } = drape.book, level = drape.ply.levels(drape.pose)[sample.index];
+  const { gap_shown } = drape.book, { penetration } = drape.plan, level = drape.ply.levels(drape.pose)[sample.index];
   if (level === 0) return `penetrates more than ${millimeters(penetration)}`;
   return level === 255 ? `gap ≥ ${millimeters(gap_shown, 0)}` : `gap ${millimeters((gap_shown * (level - 1)) / 254)}`;
 }

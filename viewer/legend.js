@@ -12,7 +12,8 @@ class Legend {
       tick.style.left = `${(100 * i) / 3}%`;
       byId("ticks").append(tick);
     }
-    byId("depth-text").textContent = `Penetrates > ${millimeters(book.penetration)}`;
+    const depths = new Set(drapes.map(({ plan }) => millimeters(plan.penetration)));
+    byId("depth-text").textContent = `Penetrates > ${[...depths].join(" | ")}`;
     byId("spacing").textContent = `Mold grid ${+(1e3 * drapes[0].plan.spacing).toFixed(2)} mm`;
     if (drapes.length > 1) {
       const heads = element("tr");

@@ -17,7 +17,7 @@ function marksOf({ plan, view }) {
   const at = ([s, t]) => nearest(material.t, t) * plan.ply.columns + nearest(material.s, s);
   const wrong = events.map((event) => ({
     kind: event.kind, poses: [event.pose], samples: samples(event.samples), at: at(event.place), size: event.area,
-    text: event.kind === "premature_contact" ? `${(1e4 * event.area).toFixed(0)} cm²` : millimeters(event.depth) }));
+    text: event.on_way ? "on the way here" : event.kind === "premature_contact" ? `${(1e4 * event.area).toFixed(0)} cm²` : millimeters(event.depth) }));
   const fibers = long_fibers.map((fiber) => {
     const line = samples(fiber.samples), size = Math.max(fiber.need, fiber.surplus);
     return { kind: fiber.need > 0 ? "tight_fiber" : "slack_fiber", poses: samples(fiber.poses), line, size,

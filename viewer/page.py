@@ -16,7 +16,7 @@ from drapeplan.files import write_bytes
 from viewer import colors, geometry, objects, packing
 from viewer.details import details
 from viewer.moments import moments
-from viewer.plan_view import BESIDE, GAP_SHOWN, PENETRATION, TOUCH, PlanView
+from viewer.plan_view import BESIDE, GAP_SHOWN, PlanView
 
 Array = np.ndarray
 
@@ -79,8 +79,6 @@ def header(views: Sequence[PlanView], payload: packing.Payload) -> dict[str, obj
             name: payload.add(colors.gap_colors(name), "u1") for name in colors.MAPS
         },
         "gap_shown": GAP_SHOWN,
-        "penetration": PENETRATION,
-        "touch": TOUCH,
         "beside": BESIDE,
         "parts": PARTS,
         "views": [dict(zip(names, v, strict=True)) for v in VIEWS],
@@ -101,6 +99,8 @@ def _drape(view: PlanView, payload: packing.Payload) -> dict[str, object]:
         "subtitle": view.subtitle,
         "verdict": view.verdict,
         "good": view.good,
+        "touch": view.touch,
+        "penetration": view.penetration,
         "spacing": spacing,
         "boxes": boxes,
         "floor": objects.floor_level(view),
@@ -115,7 +115,7 @@ def _drape(view: PlanView, payload: packing.Payload) -> dict[str, object]:
 
 def moving(view: PlanView, payload: packing.Payload) -> dict[str, object]:
     """Describe what of a drape changes from pose to pose."""
-    gap = packing.pack_gap(view.gap, GAP_SHOWN, PENETRATION)
+    gap = packing.pack_gap(view.gap, GAP_SHOWN, view.penetration)
     return {
         "labels": view.labels,
         "contact": np.round(view.contact_share(), 5).tolist(),

@@ -1,5 +1,6 @@
 """What the preview shows, as plain arrays: the only thing the page is made from."""
 
+import unicodedata
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
@@ -9,8 +10,7 @@ from drapeplan.errors import InputError
 
 Array = np.ndarray
 
-TOUCH = 0.5e-3  # [m] gap below which the ply counts as touching, as in the front check
-PENETRATION = 1.0e-3  # [m] depth from which penetration is marked: tolerance of a pad
+TOUCH, PENETRATION = 0.5e-3, 1.0e-3  # [m] of a view that does not say
 BESIDE = 1.0  # [m] gap from which a sample hangs beside the mold, over nothing
 GAP_SHOWN = 30e-3  # [m] end of the color scale: the front's neighborhood decides
 MARGIN_SHOWN = 5e-3  # [m] margins beyond threaten nothing: ten times what touches
@@ -45,6 +45,8 @@ class Event(NamedTuple):
         volume: Between that region and its laid state, in [m^3].
         depth: Largest height of a pocket, else largest depth, in [m].
         sentence: When, where, how much, and what to change.
+        on_way: Whether it comes and goes on the way to the pose, and the place and the
+            sizes are those of the nearest sight of it.
     """
 
     kind: str
@@ -55,6 +57,7 @@ class Event(NamedTuple):
     volume: float
     depth: float
     sentence: str
+    on_way: bool = False
 
 
 class LongFiber(NamedTuple):
@@ -102,8 +105,8 @@ class PlanView:
     """A drape, pose by pose. K poses, n cups, all coordinates in the world, in [m].
 
     Attributes:
-        title: First line of the page, any text.
-        subtitle: Second line, any text.
+        title: First line of the page, any text; control characters are replaced.
+        subtitle: Second line, likewise.
         verdict: Sentences that say whether the drape is good, and why.
         good: True where the verdict is good.
         mold_vertices: Shape (V, 3).
@@ -150,8 +153,10 @@ class PlanView:
             interlink, shape (K, m).
         statements: The verdict's sentences with what they speak of; by default those of
             `verdict` without a moment.
-        facts: What the plan was made from, as names and values.
+        facts: What the plan was made from, as names and values, likewise.
         robustness: The plan's block on uncertainty as plain data, or None.
+        touch: Gap up to which the ply counts as touching, in [m].
+        penetration: Depth from which penetration is marked, in [m].
     """
 
     title: str
@@ -192,6 +197,8 @@ class PlanView:
     statements: tuple[Statement, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     robustness: dict[str, Any] | None = None
+    touch: float = TOUCH
+    penetration: float = PENETRATION
 
     def __post_init__(self) -> None:
         """Check shapes and values once, then make the arrays read-only.
@@ -227,6 +234,10 @@ class PlanView:
         for name, value in defaults.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value)
+        facts = tuple((readable(name), readable(value)) for name, value in self.facts)
+        texts = {"title": readable(self.title), "subtitle": readable(self.subtitle)}
+        for name, value in {**texts, "facts": facts}.items():
+            object.__setattr__(self, name, value)
         if not self.statements:
             told = tuple(Statement(text, not self.good) for text in self.verdict)
             object.__setattr__(self, "statements", told)
@@ -275,13 +286,19 @@ class PlanView:
 
     def contact_share(self) -> Array:
         """Share of the ply's samples that touch the mold at each pose, shape (K,)."""
-        return np.mean(self.gap <= TOUCH, axis=(1, 2))
+        return np.mean(self.gap <= self.touch, axis=(1, 2))
 
     def largest_gap(self) -> Array:
         """Largest gap over the mold by pose, shape (K,), in [m]; BESIDE if none."""
         over = self.gap < BESIDE
         largest = np.max(self.gap, axis=(1, 2), where=over, initial=-BESIDE)
         return np.where(over.any(axis=(1, 2)), largest, BESIDE)
+
+
+def readable(text: str) -> str:
+    """Text whose characters are seen: those that control or turn it are replaced."""
+    hidden = ("Cc", "Cf")
+    return "".join("\ufffd" if unicodedata.category(c) in hidden else c for c in text)
 
 
 def _lengths(points: Array) -> Array:

@@ -74,7 +74,7 @@ function crossings(values, rows, columns, level) {
 /** The front: a line on the ply where its height above how it will lie passes that of touch. */
 class Front {
   constructor(drape, ply, radius) {
-    Object.assign(this, { ply, radius, level: (254 * drape.book.touch) / drape.book.gap_shown });
+    Object.assign(this, { ply, radius, level: (254 * drape.plan.touch) / drape.book.gap_shown });
     const { rows, columns } = drape.plan.ply, T = MeshCat.THREE;
     this.size = [rows, columns];
     this.laid = ply.levels(drape.plan.ply.poses - 1);

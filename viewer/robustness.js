@@ -15,14 +15,14 @@ function likelihood({ share, low_95, high_95 }, width) {
 
 /**
  * A tornado: one row for each uncertainty alone, a bar from the 5 % to the 95 % quantile
- * in millimeters with the median marked.
+ * in millimeters with the median marked. Values that reach `most` may be larger.
  */
-function tornado(rows, label, width) {
+function tornado(rows, label, width, most) {
   const high = roundUp(Math.max(0.1, ...rows.map(({ range }) => range["95"] ?? 0)));
   const x = scale(Math.min(0, ...rows.map(({ range }) => range["5"] ?? 0)), high, 6, width - 6);
   const bars = rows.flatMap(({ name, range }, k) => {
     const top = 26 * k, [from, middle, to] = ["5", "50", "95"].map((key) => x(range[key] ?? high));
-    const text = ["5", "50", "95"].map((key) => (range[key] === null ? "none near" : range[key].toFixed(2))).join(" · ");
+    const text = ["5", "50", "95"].map((key) => (range[key] === null || range[key] >= most ? `≥ ${most}` : range[key].toFixed(2))).join(" · ");
     return [svg("text", { x: 6, y: top + 11 }, name), svg("text", { class: "end", x: width - 6, y: top + 11 }, text),
       svg("rect", { class: "interval", x: from, width: Math.max(2, to - from), y: top + 14, height: 8 }),
       svg("line", { class: "median", x1: middle, x2: middle, y1: top + 13, y2: top + 23 })];
@@ -41,12 +41,12 @@ function robustnessFigure({ letter, plan }, several) {
   body.append(element("p", `${wrong.samples} of ${found.samples} samples; 95 % within ${wrong.low_95.toFixed(3)} to ${wrong.high_95.toFixed(3)}`, { class: "muted" }));
   body.append(likelihood(wrong, width));
   const alone = found.parameters, rows = (key) => alone.map((one) => ({ name: one.label, range: one[key] }));
-  const figures = [["press_mm", "Ply pressed into the mold, mm"]];
-  if (alone.some((one) => one.P > 0 || one.margin_mm["5"] < one.margin_mm["95"])) figures.unshift(["margin_mm", "Least margin, mm"]);
+  const figures = [["press_mm", "Ply pressed into the mold, mm", Infinity]];
+  if (alone.some((one) => one.P > 0 || one.margin_mm["5"] < one.margin_mm["95"])) figures.unshift(["margin_mm", "Least margin, mm", found.most_mm]);
   if (alone.length) {
     body.append(element("h2", `Each uncertainty alone, ${alone[0].samples} samples`));
-    for (const [key, name] of figures)
-      body.append(element("p", `${name}: 5 · 50 · 95 % of samples`, { class: "muted" }), tornado(rows(key), `${name}, each uncertainty alone`, width));
+    for (const [key, name, most] of figures)
+      body.append(element("p", `${name}: 5 · 50 · 95 % of samples`, { class: "muted" }), tornado(rows(key), `${name}, each uncertainty alone`, width, most));
   }
   return body;
 }

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from drapeplan.cell import Cell
+from drapeplan.contact import front_tolerance
 from drapeplan.mold import HeightGrid
 from drapeplan.plan import Plan
 from drapeplan.scene import Scene
@@ -32,11 +33,13 @@ def view_of(plan: Plan) -> PlanView:
     """Everything the preview shows of a plan.
 
     Args:
-        plan: The plan; its verdict is shown as the file has it.
+        plan: The plan; its verdict is shown as recomputed, whatever the file says.
 
     Returns:
         One pose for each waypoint. After the wave the ply stays as it was laid.
     """
+    found = {**plan.document, "verdict": plan.judged[0]}
+    plan = Plan(found).known(plan.cell, plan.judged)
     cell, track = plan.cell, plan.track
     fibers = findings.long_fibers(plan)
     told = statements(plan, fibers)
@@ -76,7 +79,7 @@ def drape_of(
     Returns:
         Arguments of PlanView.
     """
-    robot = cell.robot
+    robot, tolerance = cell.robot, front_tolerance(cell)
     positions, rotations = track.poses
     points, gap = ply
     upper = robot.geometry.universals
@@ -109,6 +112,8 @@ def drape_of(
         "t": cell.sampling.t,
         "cups_around": cell.sampling.cups_around,
         "pads": cell.sampling.cup_index,
+        "touch": tolerance.touch,
+        "penetration": tolerance.pad_penetration,
     }
 
 

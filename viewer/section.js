@@ -138,8 +138,8 @@ class Section {
       marks.push(svg("line", { class: value ? "grid" : "zero", x1: left, x2: width - right, y1: at, y2: at }),
         svg("text", { class: "end", x: left - 5, y: at + 3.5 }, `${value}`));
     }
-    const touch = y(this.app.book.touch);
-    marks.push(svg("line", { class: "touch", x1: left, x2: width - right, y1: touch, y2: touch }));
+    for (const touch of new Set(this.app.drapes.map(({ plan }) => y(plan.touch))))
+      marks.push(svg("line", { class: "touch", x1: left, x2: width - right, y1: touch, y2: touch }));
     for (const value of ticks(0, 1e3 * longest, width / 90))
       marks.push(svg("text", { class: "middle", x: x(1e-3 * value), y: floor + 13 }, `${value}`));
     marks.push(svg("text", { class: "middle", x: (left + width - right) / 2, y: floor + 26 }, `arc length along ${this.line.family}, mm`));
