@@ -114,12 +114,22 @@ def opened(browser, view, tmp_path_factory):
     shown.context.close()
 
 
+TOLD = (  # of a plan in order that is not good
+    Statement("Cup high.", wrong=True, pose=2, place=(0.11, 0.22)),
+    Statement("Heavy.", warns=True),
+    Statement("In order."),
+    Statement("Room left.", aside=True),
+    Statement("Nearest there.", pose=1, aside=True),
+)
+
+
 @pytest.fixture(scope="module")
 def compared(browser, view, tmp_path_factory):
     """The same drape beside one of fewer poses, neither with a figure on P."""
     path = tmp_path_factory.mktemp("panels") / "two.html"
     plain = replace(view, robustness=None)
-    page.export([plain, synthetic_view(poses=4, samples=(9, 8), arm_meshes=[])], path)
+    other = synthetic_view(poses=4, samples=(9, 8), arm_meshes=[], statements=TOLD)
+    page.export([plain, other], path)
     shown = OpenPage(browser, path, size=(1280, 720))
     shown.rest()
     yield shown
@@ -173,6 +183,32 @@ def test_a_sentence_without_place_moves_no_camera(opened):
     assert opened.page.locator(".verdict .jump").count() == 2
     assert opened.page.locator(".verdict li").count() == 3
     assert opened.page.locator(".verdict li.wrong").count() == 1
+
+
+def test_a_fault_that_heads_the_verdict_leads_to_its_place(compared):
+    column = compared.page.locator(".drape").nth(1)
+    column.locator(".answer").click()
+    entries = column.locator(".head > details > .verdict > li")
+    first = entries.first
+    assert first.get_attribute("class") == "wrong"
+    compared.run("() => app.timeline.jump(0)")
+    first.locator(".jump", has_text="Cup high.").click()
+    assert compared.run("app.drapes[1].pose") == 2
+    assert compared.run("app.drapes[1].pin.mesh.visible")
+    column.locator(".answer").click()
+
+
+def test_warnings_are_in_sight_and_the_rest_is_folded(compared):
+    column = compared.page.locator(".drape").nth(1)
+    column.locator(".answer").click()
+    assert column.locator("li.warns").inner_text() == "Heavy."
+    folded = column.locator(".more li")
+    assert [entry.is_visible() for entry in folded.all()] == [False, False]
+    column.locator(".more summary", has_text="2 more").click()
+    assert folded.all_inner_texts() == ["Room left.", "Nearest there."]
+    folded.nth(1).locator(".jump").click()
+    assert compared.run("app.drapes[1].pose") == 1
+    column.locator(".answer").click()
 
 
 def test_curves_are_the_arrays(opened, view):

@@ -12,9 +12,10 @@ from drapeplan.contact import front_grid
 from drapeplan.errors import InputError
 from drapeplan.frames import inverse, moved
 from drapeplan.plan import Plan
+from drapeplan.remarks import remarks
 from drapeplan.sentences import sentences
 from drapeplan.verdict import EventKind
-from drapeplan.words import failures, labels
+from drapeplan.words import failures, labels, summary
 from tests.browser import synthetic_view
 from tests.spoiled import BORDER, FAR_CUP, good_plan, spoiled_plan
 from viewer import findings, packing
@@ -235,7 +236,7 @@ def test_statements_are_the_summary_and_what_is_wrong(bad):
 def test_statements_speak_of_their_moment_and_place(bad):
     told = {one.text: one for one in bad.statements}
     for event in told_of(bad):
-        assert told[event.sentence][2:] == (event.pose, event.place)
+        assert told[event.sentence][2:4] == (event.pose, event.place)
     (interlink,) = [t for t in bad.statements if t.text.startswith("The interlink")]
     assert interlink.place == pytest.approx((0.11, 0.33))
     (laid,) = [t for t in bad.statements if t.text.startswith("Laid, ")]
@@ -248,7 +249,31 @@ def test_statements_speak_of_their_moment_and_place(bad):
     (fiber,) = [t for t in bad.statements if t.text.startswith("Length-infeasible")]
     assert fiber.pose is not None
     assert fiber.place is not None
-    assert bad.statements[-1] == Statement(bad.verdict[-1])  # on fidelity: no moment
+    (fidelity,) = [t for t in bad.statements if t.text.startswith("Fidelity ")]
+    assert fidelity == Statement(fidelity.text)  # no moment
+
+
+def test_statements_hold_all_that_the_terminal_says(good):
+    """Warnings right after what is wrong, the rest aside."""
+    said = remarks(good_plan().verdict)
+    told = {one.text: one for one in good.statements}
+    for text, warns, waypoint in said:
+        assert told[text] == Statement(text, False, waypoint, None, warns, not warns)
+    (load,) = [one for one in said if one.warns]
+    assert good.statements[1].text == load.text
+    assert [t.text for t in good.statements if not t.aside and not t.warns] == summary(
+        good_plan().verdict,
+        good_plan().judged[1].front,
+        good_plan().track,
+        good_plan().document["kinematic_lag"],
+    )
+
+
+def test_the_headline_on_the_order_leads_nowhere(good, bad):
+    """It is of the whole drape, whatever cup it names; any other fault leads on."""
+    for view in (good, bad):
+        assert "cup (" in view.statements[0].text
+        assert view.statements[0][2:4] == (None, None)
 
 
 def test_waypoints_in_sentences_count_from_1():

@@ -30,10 +30,13 @@ class Pin {
   follow(moment) { this.mesh.visible &&= moment === this.moment; }
 }
 
+/** Whether a sentence speaks of a moment or a place. */
+const leads = ({ pose, place }) => pose !== null || place !== null;
+
 /** A sentence as an entry of the list: a button where there is something to jump to. */
 function statementEntry(app, drape, told) {
-  const entry = element("li", "", { class: told.wrong ? "wrong" : "" });
-  if (told.pose === null && told.place === null) entry.textContent = told.text;
+  const entry = element("li", "", { class: told.wrong ? "wrong" : told.warns ? "warns" : "" });
+  if (!leads(told)) entry.textContent = told.text;
   else {
     const button = element("button", told.text, { type: "button", class: "jump" });
     button.onclick = () => jumpTo(app, drape, told);
@@ -42,11 +45,25 @@ function statementEntry(app, drape, told) {
   return entry;
 }
 
+/** Entries that can wait, folded into one. */
+function foldedEntry(entries) {
+  const entry = element("li", "", { class: "more" }), fold = element("details"), list = element("ul", "", { class: "verdict" });
+  list.append(...entries);
+  fold.append(element("summary", `${entries.length} more`), list);
+  entry.append(fold);
+  return entry;
+}
+
 extensions.push((app) => {
   for (const drape of app.drapes) {
-    const [, ...told] = drape.plan.details.statements;
+    const { statements } = drape.plan.details, [headline] = statements;
+    const entries = (chosen) => chosen.map((one) => statementEntry(app, drape, one));
+    const told = statements.filter((one) => !one.aside && (one !== headline || leads(one)));
+    const more = statements.filter(({ aside }) => aside);
     drape.pin = new Pin(drape);
-    drape.dom.verdict.replaceChildren(...told.map((one) => statementEntry(app, drape, one)));
+    drape.dom.head.querySelector(".answer").classList.toggle("led", leads(headline));
+    drape.dom.verdict.replaceChildren(...entries(told));
+    if (more.length) drape.dom.verdict.append(foldedEntry(entries(more)));
   }
   app.onPose((moment) => { for (const { pin } of app.drapes) pin.follow(moment); });
 });

@@ -5,6 +5,7 @@ import re
 import numpy as np
 
 from drapeplan.plan import Plan
+from drapeplan.remarks import remarks
 from drapeplan.sentences import NEAR, sentences
 from drapeplan.verdict import FrontVerdict
 from drapeplan.words import failures, labels, summary
@@ -22,6 +23,10 @@ def statements(plan: Plan, fibers: tuple[LongFiber, ...]) -> tuple[Statement, ..
     Args:
         plan: The plan.
         fibers: Its fibers that leave the take-up.
+
+    Returns:
+        The summary, then what else the command line says; its warnings follow what is
+        wrong.
     """
     front, track = plan.judged[1].front, plan.track
     lines = summary(plan.verdict, front, track, plan.document["kinematic_lag"])
@@ -31,13 +36,20 @@ def statements(plan: Plan, fibers: tuple[LongFiber, ...]) -> tuple[Statement, ..
     for line in lines:
         moment = spoken.get(line) or _moment(plan, fibers, line)
         found.append(Statement(line, line in wrong, *moment))
-    return tuple(found)
+    found += [
+        Statement(text, False, pose, None, warns, aside=not warns)
+        for text, warns, pose in remarks(plan.verdict)
+    ]
+    headline, *others = found
+    others.sort(key=lambda one: (not one.wrong, not one.warns))
+    return headline, *others
 
 
 def _front_moments(front: FrontVerdict, names: list[str]) -> dict[str, Moment]:
     """Moments of the sentences on the order of contact, by sentence."""
     lines = sentences(front, names)
-    spots: dict[str, Moment] = {
+    spots: dict[str, Moment] = {lines[0]: (None, None)}  # of the whole drape
+    spots |= {
         line: (event.pose, event.place_st)
         for event, line in zip(front.events, lines[1:], strict=False)
     }
