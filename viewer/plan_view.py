@@ -92,12 +92,16 @@ class Statement(NamedTuple):
         wrong: Whether it says what makes the verdict bad.
         pose: Index of the pose it speaks of, or None.
         place: Material coordinates (s, t) of the place, in [m], or None.
+        warns: Whether it speaks of what a good verdict does not vouch for.
+        aside: Whether it can wait until somebody asks for more.
     """
 
     text: str
     wrong: bool = False
     pose: int | None = None
     place: tuple[float, float] | None = None
+    warns: bool = False
+    aside: bool = False
 
 
 @dataclass(frozen=True)
