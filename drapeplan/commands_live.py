@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
 from typing import Any
 
-from drapeplan.commands_plan import inputs_of, naming
+from drapeplan.commands_plan import inputs_of, planned, say_nothing_written
 from drapeplan.console import say_error, show_progress, show_verdict
 from drapeplan.errors import DrapeplanError
 from drapeplan.files import check_outputs
-from drapeplan.planner import Progress, make_plan
-from drapeplan.ranking import searched
+from drapeplan.planner import Progress
 from drapeplan.scene import read_scene
-from drapeplan.words import summary
+
+ENDS = (signal.SIGINT, signal.SIGTERM)
+STOPPED = 130  # exit code of what Ctrl-C ends
 
 
 def live_command(scene: Path, output: Path | None, port: int, show: bool) -> int:
@@ -28,7 +31,8 @@ def live_command(scene: Path, output: Path | None, port: int, show: bool) -> int
         show: Whether to open the address in a browser.
 
     Returns:
-        Exit code of the plan; 0 where planning was stopped.
+        Exit code of the plan; where planning was stopped 0, or 130 where a plan was to
+        be written.
 
     Raises:
         InputError: A file or an option is not right.
@@ -38,40 +42,40 @@ def live_command(scene: Path, output: Path | None, port: int, show: bool) -> int
     read = read_scene(scene)
     if output:
         check_outputs([output], inputs_of(read, scene))
-    code = 0
-    with _stopped(), Live(port) as live:
+    code = STOPPED if output else 0
+    with _stopped() as asked, Live(port) as live:
         print(f"live at {live.address} (Ctrl-C stops)", flush=True)
         if show:
             import webbrowser
 
             webbrowser.open(live.address)
         try:
-            with naming(scene), show_progress(False) as progress:
-                told = _both(progress, live)
-                place = scene.parent, str(scene)
-                read, _ = searched(read, *place, told)
-                outcome = make_plan(read, *place, told, live)
+            with show_progress(False) as progress:
+                told = _both(progress, live, asked)
+                _, plan, lines = planned(read, scene, output, told, live)
         except DrapeplanError as error:
             code = error.exit_code
             live.failed(str(error))
             say_error(error, as_json=False)
         else:
-            plan = outcome.plan
             live.plan(plan)
             if output:
                 plan.write(output)
-            front, lag = outcome.contact.front, plan.document["kinematic_lag"]
-            lines = summary(plan.verdict, front, plan.track, lag)
-            show_verdict(plan.verdict, lines, False, written=[output] if output else [])
             code = 0 if plan.verdict["good"] else 1
-        live.wait()
+            show_verdict(plan.verdict, lines, False, written=[output] if output else [])
+        if not asked.is_set():
+            live.wait()
+    if code == STOPPED:
+        say_nothing_written(output)
     return code
 
 
-def _both(progress: Progress | None, live: Any) -> Progress:
-    """Progress for the terminal and for the page."""
+def _both(progress: Progress | None, live: Any, asked: Event) -> Progress:
+    """Progress for the terminal and for the page, until somebody asked to stop."""
 
     def told(stage: str, share: float) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
         live.stage(stage, share)
         if progress:
             progress(stage, share)
@@ -80,16 +84,28 @@ def _both(progress: Progress | None, live: Any) -> Progress:
 
 
 @contextmanager
-def _stopped() -> Iterator[None]:
-    """Ctrl-C and the signal to terminate end what is inside, and are no failure."""
+def _stopped() -> Iterator[Event]:
+    """Ctrl-C and the signal to terminate end what is inside, and are no failure.
+
+    The event is set then: compilers that call back lose what is raised in them.
+    """
+    asked, hook = Event(), sys.unraisablehook
 
     def stop(*_: object) -> None:
+        asked.set()
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    def lost(what: Any) -> None:
+        if what.exc_type is not KeyboardInterrupt:
+            hook(what)
+
+    before = {kind: signal.signal(kind, stop) for kind in ENDS}
+    sys.unraisablehook = lost
     try:
-        yield
+        yield asked
     except KeyboardInterrupt:
         pass
     finally:
-        signal.signal(signal.SIGTERM, before)
+        sys.unraisablehook = hook
+        for kind, handler in before.items():
+            signal.signal(kind, handler)

@@ -10,7 +10,8 @@ from pathlib import Path
 from drapeplan.console import draw_first_touch, show_progress, show_verdict
 from drapeplan.errors import InfeasibleError, InputError
 from drapeplan.files import check_outputs
-from drapeplan.planner import make_plan
+from drapeplan.plan import Plan
+from drapeplan.planner import Outcome, Progress, Watch, make_plan
 from drapeplan.ranking import searched
 from drapeplan.ranking_words import taken
 from drapeplan.robustness import check_samples, robustness
@@ -55,37 +56,73 @@ def plan_command(
         check_samples(samples)
     written = [output, figure] if figure else [output]
     check_outputs(written, inputs_of(read, scene))
-    ranking = None
+    with show_progress(as_json) as progress:
+        made, result, lines = planned(read, scene, output, progress)
+    robust = None
+    if samples is not None:
+        robust = robustness(result, samples)
+        result = result.doubted(document(robust))
+    result.write(output)
+    if figure:
+        draw_first_touch(figure, made.plan, made.contact, scene.stem)
+    show_verdict(result.verdict, lines, as_json, robust, written)
+    return 0 if result.verdict["good"] else 1
+
+
+def planned(
+    read: Scene,
+    scene: Path,
+    output: Path | None,
+    progress: Progress | None,
+    watch: Watch | None = None,
+) -> tuple[Outcome, Plan, list[str]]:
+    """Search where a scene asks for it, plan, and put the verdict in words.
+
+    Args:
+        read: The scene.
+        scene: Its file.
+        output: Plan file that will be written; one that is there is named if not.
+        progress: Called with the stage and its share done, 0 to 1.
+        watch: Shown what is known so far.
+
+    Returns:
+        What was planned, the plan with what it was chosen from, and its summary.
+
+    Raises:
+        InputError: The scene names what does not exist or does not fit.
+        InfeasibleError: There is no plan.
+    """
+    place, ranking = (scene.parent, str(scene)), None
     try:
-        with naming(scene), show_progress(as_json) as progress:
-            place = scene.parent, str(scene)
+        with naming(scene):
             read, ranking = searched(read, *place, progress)
-            outcome = make_plan(read, *place, progress)
+            made = make_plan(read, *place, progress, watch)
     except InfeasibleError:
         if ranking:
             count = len(ranking.ranked)
             print(
                 f"none of {count} candidates can be laid; the first:", file=sys.stderr
             )
-        if output.exists():
-            print(f"nothing written: {output} is of an earlier run", file=sys.stderr)
+        say_nothing_written(output)
         raise
-    result, robust = outcome.plan, None
-    block = ranking.block() if ranking else None
+    plan, block = made.plan, ranking.block() if ranking else None
+    lag = plan.document["kinematic_lag"]
+    lines = summary(plan.verdict, made.contact.front, plan.track, lag)
+    lines += tuned_lines(read)
     if block:
-        result = result.chosen(block.model_dump(mode="json"))
-    if samples is not None:
-        robust = robustness(result, samples)
-        result = result.doubted(document(robust))
-    result.write(output)
-    verdict = result.verdict
-    front, lag = outcome.contact.front, result.document["kinematic_lag"]
-    lines = summary(verdict, front, outcome.plan.track, lag) + tuned_lines(read)
-    lines += [taken(block)] if block else []
-    if figure:
-        draw_first_touch(figure, outcome.plan, outcome.contact, scene.stem)
-    show_verdict(verdict, lines, as_json, robust, written)
-    return 0 if verdict["good"] else 1
+        plan = plan.chosen(block.model_dump(mode="json"))
+        lines.append(taken(block))
+    return made, plan, lines
+
+
+def say_nothing_written(output: Path | None) -> None:
+    """A line on stderr where a plan of an earlier run could be taken for this one's.
+
+    Args:
+        output: Plan file that was asked for, if any.
+    """
+    if output and output.exists():
+        print(f"nothing written: {output} is of an earlier run", file=sys.stderr)
 
 
 @contextmanager

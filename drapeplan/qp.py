@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import warnings
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -209,8 +210,15 @@ class _Alive:
         )
 
     def solve(self, problem: QuadraticProgram, tolerance: float) -> QpSolution:
-        """Solve from the last solution, if there is one."""
+        """Solve from the last solution, if there is one.
+
+        OSQP takes Ctrl-C for itself while it solves: it is handed on, and where that
+        ends nothing, as in workers, the solver goes on.
+        """
         result = self._solver.solve(raise_error=False)
+        while result.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
+            signal.raise_signal(signal.SIGINT)
+            result = self._solver.solve(raise_error=False)
         says = result.info.status_val == osqp.SolverStatus.OSQP_SOLVED
         split = np.cumsum([len(problem.h), len(problem.b)])
         forces = Multipliers(*np.split(np.array(result.y), split))

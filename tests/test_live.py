@@ -1,10 +1,12 @@
 """The live view: what it shows while a drape is planned, and to whom."""
 
 import base64
+import ctypes
 import gzip
 import http.client
 import json
 import os
+import pathlib
 import re
 import signal
 import socket
@@ -372,16 +374,19 @@ def test_live_plan_is_the_plan_and_ctrl_c_stops_cleanly(drapeplan, scene, tmp_pa
     ) as child:
         try:
             port = int(re.search(r"127\.0\.0\.1:(\d+)/", child.stdout.readline())[1])
+            told = []
             for line in child.stdout:
                 if line.startswith("wrote"):
                     break
+                told.append(line)
             child.send_signal(signal.SIGINT)
             _, said = child.communicate(timeout=SECONDS)
         finally:
             child.kill()
     assert (child.returncode, said) == (0, "")
     assert_free(port)
-    assert drapeplan("plan", scene, "-o", plain).code == 0
+    planned = drapeplan("plan", scene, "-o", plain)
+    assert (planned.code, planned.out) == (0, f"{''.join(told)}wrote {plain}\n")
     assert live.read_bytes() == plain.read_bytes()
 
 
@@ -392,6 +397,47 @@ def test_signal_to_terminate_ends_quietly():
         time.sleep(SECONDS)
         pytest.fail("went on")
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_stopped_while_planning_says_that_there_is_no_plan(
+    drapeplan, scene, tmp_path, monkeypatch
+):
+    def planned(*_):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(SECONDS)
+
+    monkeypatch.setattr(commands_live, "planned", planned)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        old = tmp_path / "old.json"
+        old.write_text("{}")
+        ended = drapeplan("preview", scene, "--live", "--no-open", "-o", old)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (ended.code, old.read_text()) == (130, "{}")
+    assert ended.line == f"nothing written: {old} is of an earlier run"
+
+
+def test_a_stop_that_is_lost_in_a_callback_ends_the_planning(capsys):
+    """As one does that comes while a kernel is compiled."""
+    callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGTERM))
+    with commands_live._stopped() as asked:
+        callback()
+        commands_live._both(None, None, asked)("strokes", 0.5)
+        pytest.fail("went on")
+    assert asked.is_set()
+    assert capsys.readouterr().err == ""
+
+
+def test_what_serves_never_hears_ctrl_c():
+    """Not even while it imports, where it would answer with a traceback."""
+    with Live() as live:
+        status = pathlib.Path(f"/proc/{live._process.pid}/status").read_text()
+        blocked = int(re.search(r"SigBlk:\s*(\w+)", status)[1], 16)
+        assert blocked >> (signal.SIGINT - 1) & 1
+        start = time.perf_counter()
+    assert time.perf_counter() - start < 1
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_a_taken_port_is_one_line(drapeplan, scene):

@@ -1,5 +1,8 @@
+import os
+import signal
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -38,6 +41,21 @@ def program(seed, n=8, m=3):
     made = QuadraticProgram(csc_matrix(H), c, G, h, csc_matrix(A), b, -far, far)
     KKT = np.block([[H, A.T], [A, np.zeros((m, m))]])
     return made, np.linalg.solve(KKT, np.concatenate([-c, b]))[:n]
+
+
+def test_ctrl_c_within_a_solve_is_not_lost():
+    """OSQP has a handler of its own while it solves."""
+    problem, _ = program(0, n=300)
+    alive = qp._Alive(problem, 1e-300)  # it would iterate for a second
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            alive.solve(problem, 1e-300)
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, before)
 
 
 def sequence():

@@ -10,7 +10,9 @@ import contextlib
 import multiprocessing
 import signal
 import threading
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
     from drapeplan.path import Path
     from drapeplan.plan import Plan
 
-FAREWELL = 10.0  # [s] for the process to end: what it is asked for, it answers first
-
 
 class Live:
     """The view of one drape, as a context manager; a `planner.Watch`."""
@@ -40,7 +40,9 @@ class Live:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, port), daemon=True)
-        self._process.start()
+        resource_tracker.ensure_running()  # started later, it would unblock SIGINT
+        with _deaf():
+            self._process.start()
         theirs.close()
         try:
             answer = self._pipe.recv()
@@ -95,12 +97,20 @@ class Live:
         self._process.join()
 
     def close(self) -> None:
-        """Stop the server and wait for its end."""
+        """Stop the server at once, whatever it is asked for, and wait for its end."""
         self._pipe.close()
-        self._process.join(FAREWELL)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        self._process.terminate()
+        self._process.join()
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Ctrl-C waits; a process that is started here never hears it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def serve(pipe: Connection, port: int) -> None:
@@ -110,7 +120,6 @@ def serve(pipe: Connection, port: int) -> None:
         pipe: Gets the port, or why it cannot be used; then messages for News come.
         port: Port of 127.0.0.1, 0 for a free one.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the planner's process decides
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     try:
         server = LiveServer(port)
