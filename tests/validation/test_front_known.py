@@ -22,7 +22,7 @@ from ply.shape import ply_fibers
 from tests.plans import scene, stages
 
 MM = 1e-3
-SAME = 1e-12  # [m] float64 noise of sums at ply scale; the issue of order allows 1e-9
+SAME = 1e-12  # [m] float64 noise of sums at ply scale, far below any margin
 MESHED = 0.05e-3  # [m] a mesh of 5 mm facets, read at nodes that moved with it
 SAMPLED = 0.15e-3  # [m] margins with samples of 10 mm, against four times as many
 AREA = 0.05  # [-] of a pocket's area: a sample's cell at its rim
