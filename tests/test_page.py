@@ -28,6 +28,7 @@ def faulty(view):
     found = (
         Event("premature_contact", MARK, index[2:5, 3:6].ravel(), place, *told),
         Event("air_pocket", MARK, index[12:15, 9:12].ravel(), place, *told),
+        Event("air_pocket", MARK + 1, index[12:15, 9:12].ravel(), place, *told, True),
     )
     fiber = LongFiber("s", np.array([MARK]), index[20, 3:9], (0, 1), 0.0, 2e-3, 9e-3)
     return replace(view, good=False, events=found, long_fibers=(fiber,))
@@ -190,6 +191,9 @@ def test_faults_are_marked_where_and_when_they_happen(pair, views):
     ]
     faults = pair.page.locator("#figures td.fault").all_inner_texts()
     assert faults == ["1", "0", "1", "0", "1", "0"]
+    pair.page.fill("#slider", str(MARK + 1))
+    told = pair.run(f"{marks}.labels().map(({{ text }}) => text)")
+    assert told == ["◉ air pocket, on the way here"]
     pair.page.fill("#slider", str(MARK - 1))
     assert pair.run(f"{marks}.now.length") == 0
     assert not pair.run(f"{marks}.regions.air_pocket.visible")
@@ -210,6 +214,12 @@ def test_front_runs_where_the_ply_leaves_the_mold(pair, views, drape):
     above = view.gap[pose, :, 0] - view.gap[-1, :, 0]
     assert len(ends) >= 2 * (SAMPLES[1] - 1)
     assert_allclose(np.interp(ends[:, 1], y, above), view.touch, atol=2 * LEVEL + 5e-5)
+
+
+def test_legend_names_the_depth_of_each_drape(pair, views):
+    depths = " | ".join(f"{1e3 * view.penetration:.1f} mm" for view in views)
+    assert pair.page.inner_text("#depth-text") == f"Penetrates > {depths}"
+    assert views[0].penetration != views[1].penetration
 
 
 def test_colors_can_be_changed(pair, views):

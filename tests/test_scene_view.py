@@ -100,10 +100,24 @@ def test_a_pose_whose_way_alone_is_bad_shows_the_event_of_its_step(bad):
         span_penetration=np.zeros_like(margin),
         pad_penetration=np.zeros_like(margin),
     )
-    (made,) = findings._on_the_way(verdict, found, steps, list(bad.labels))
+    laid = np.zeros((bad.poses, *front().pocket_region.shape), bool)
+    grid = front_grid(spoiled_plan().cell, 4, spoiled_plan().judged[1].beside)
+    args = verdict, found, steps, list(bad.labels), (grid, laid)
+    (made,) = findings._on_the_way(*args)
     assert (made.pose, made.on_way) == (first + 2, True)
     assert made.sentence.endswith(f"as at waypoint {first + 1}.")
     assert made.samples is seen[0].samples
+    steps[first + 2] = 2
+    laid[first + 1].ravel()[seen[0].samples] = True  # so it is another contact
+    (made,) = findings._on_the_way(*args)
+    assert not np.isin(made.samples, seen[0].samples).any()
+    assert front().premature_region.ravel()[made.samples].all()
+    place = (
+        abs(spoiled_plan().cell.sampling.points_st.reshape(-1, 2) - made.place)
+        .sum(axis=1)
+        .argmin()
+    )
+    assert place in made.samples
 
 
 def test_a_forged_verdict_is_not_shown(bad):

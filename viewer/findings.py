@@ -55,8 +55,8 @@ def events(plan: Plan) -> tuple[Event, ...]:
     Returns:
         For each kind and each waypoint at which it is seen all that it takes in; the
         verdict's own events, which may happen on the way to their waypoint; and at
-        other waypoints whose way shows a kind the nearest such event, of the same step
-        if there is one.
+        other waypoints whose way shows a kind the nearest such event of their step,
+        else what was free before and is ever taken in by that kind.
     """
     cell, contact, track = plan.cell, plan.judged[1], plan.track
     front, names = contact.front, labels(track)
@@ -71,14 +71,24 @@ def events(plan: Plan) -> tuple[Event, ...]:
         found.append(made._replace(on_way=same is None))
         told.add((event.kind, event.pose))
     found += [event for key, event in seen.items() if key not in told]
-    found += _on_the_way(front, found, wave_steps(track), names)
+    laid = grid.laid(track.placed)
+    found += _on_the_way(front, found, wave_steps(track), names, (grid, laid))
     return tuple(sorted(found, key=lambda event: (event.pose, event.kind)))
 
 
 def _on_the_way(
-    front: FrontVerdict, found: list[Event], steps: Array, names: list[str]
+    front: FrontVerdict,
+    found: list[Event],
+    steps: Array,
+    names: list[str],
+    ply: tuple[FrontGrid, Array],
 ) -> Iterator[Event]:
     """Stand-ins at the waypoints whose way shows a kind that nothing tells of."""
+    grid, laid = ply
+    ever = {
+        EventKind.PREMATURE: front.premature_region,
+        EventKind.AIR_POCKET: front.pocket_region,
+    }
     for kind, bad in _bad(front).items():
         same = [event for event in found if event.kind == kind]
         poses = np.array([event.pose for event in same])
@@ -86,6 +96,13 @@ def _on_the_way(
             far = np.lexsort((np.abs(poses - k), steps[poses] != steps[k]))
             near = same[far[0]]
             line = f"{names[k]}: on the way here, as at waypoint {near.pose + 1}."
+            if kind in ever and steps[near.pose] != steps[k]:
+                free = np.flatnonzero(ever[kind] & ~laid[max(k - 1, 0)])
+                line = f"{names[k]}: on the way here."
+                if free.size:
+                    i, j = divmod(int(free[len(free) // 2]), len(grid.s))
+                    place = float(grid.s[j]), float(grid.t[i])
+                    near = near._replace(samples=free, place=place)
             yield near._replace(pose=k, sentence=line, on_way=True)
 
 
