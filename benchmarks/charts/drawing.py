@@ -146,9 +146,8 @@ def published(axes: Axes, x: float, y: float, note: str) -> None:
     axes.annotate(
         "", (x / 3, y), (x, y), arrowprops={"arrowstyle": "->", "color": GRAY}
     )
-    axes.annotate(
-        note, (x, y), (5, 5), textcoords="offset points", fontsize=6.5, color=GRAY
-    )
+    place = {"textcoords": "offset points", "ha": "center", "va": "top"}
+    axes.annotate(note, (x, y), (-8, -7), fontsize=6.5, color=GRAY, **place)
 
 
 def upright(axes: Axes, x: float, note: str) -> None:

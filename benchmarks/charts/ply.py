@@ -56,8 +56,8 @@ TOLERANCES = (1.0, 0.3, 0.1, 0.03)  # [mm] of auto
 PAPER_RMS, PAPER_MS = 1.6, 1000.0  # [mm], [ms] published: "less than a second"
 QUICK_STEPS = 10  # [-] of a cloth
 SETS = {
-    "all": "all reference cases",
-    "compared": "cases that other programs relax",
+    "all": "cases, all references",
+    "compared": "cases, other programs too",
     "planar": "planar strips",
     "whole": "poses of 6 x 8 cups at a time",
 }
