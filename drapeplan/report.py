@@ -1,13 +1,12 @@
 """The first-touch figure: when each place of the ply first meets the mold."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drapeplan.files import write_bytes
+from drapeplan.figure_file import write_png
 from drapeplan.flood import Bools, Floats
 from drapeplan.verdict import EventKind, FrontEvent
 
@@ -78,7 +77,7 @@ def first_touch_figure(
         if step.mask.any():
             axes.fill([], [], color=GRAY, label="never touches")
         figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
-        _write(figure, Path(path))
+        write_png(figure, Path(path))
 
 
 def _page(s: Floats, t: Floats, centers: Floats, title: str) -> tuple[Any, Any]:
@@ -182,10 +181,3 @@ def _draw_events(axes: Any, events: Sequence[FrontEvent]) -> None:
                 linestyle="none",
                 label=label,
             )
-
-
-def _write(figure: Any, path: Path) -> None:
-    """Write the PNG, whole or not at all, without a date inside."""
-    content = io.BytesIO()
-    figure.savefig(content, format="png", metadata={"Software": None})
-    write_bytes(path, content.getvalue())

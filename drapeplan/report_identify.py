@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from pathlib import Path
 from typing import Any
@@ -12,18 +11,13 @@ from scipy.stats import norm
 
 from drapeplan.cantilever import load_of_drop, steepest
 from drapeplan.cups_file import EARTH
-from drapeplan.files import write_bytes
+from drapeplan.figure_file import PLAIN, write_png
 from drapeplan.identify import Identified
 from drapeplan.identify_file import Measurements
 
 COLORS = {"warp": "#0072b2", "weft": "#d55e00"}
 BLUE, RED, GRAY = "#0072b2", "#d55e00", "#999999"
-STYLE = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
-    "font.size": 8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
+STYLE = PLAIN | {"font.size": 8}
 MM, DEG = 1e3, float(np.degrees(1.0))
 
 
@@ -64,9 +58,7 @@ def identify_figure(
             else:
                 center = {"ha": "center", "transform": axes.transAxes, "color": GRAY}
                 axes.text(0.5, 0.5, "not measured", **center)
-        content = io.BytesIO()
-        figure.savefig(content, format="png", metadata={"Software": None})
-    write_bytes(path, content.getvalue())
+        write_png(figure, path)
 
 
 def _draw_overhangs(axes: Any, found: Identified, measured: Measurements) -> None:

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from pathlib import Path
 from typing import Any
 
-from drapeplan.files import write_bytes
+from drapeplan.figure_file import PLAIN, write_png
 from drapeplan.intervals import share_interval
 from drapeplan.plan_file import CandidateRow, CandidatesBlock
 
 GOOD, BAD, GRAY = "#0072b2", "#d55e00", "#999999"
-STYLE = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
+STYLE = PLAIN | {"font.size": 9}
 
 
 def pareto(rows: list[CandidateRow]) -> list[CandidateRow]:
@@ -80,9 +74,7 @@ def pareto_figure(path: Path, block: CandidatesBlock, title: str) -> None:
         axes.set_axisbelow(True)
         if shown:
             axes.legend(frameon=False, fontsize=8, loc="upper right")
-        content = io.BytesIO()
-        figure.savefig(content, format="png", metadata={"Software": None})
-    write_bytes(path, content.getvalue())
+        write_png(figure, path)
 
 
 def _draw(

@@ -1,24 +1,18 @@
 """The tornado figure: what each uncertainty alone does to a plan."""
 
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drapeplan.files import write_bytes
+from drapeplan.figure_file import PLAIN, write_png
 from drapeplan.robustness import Robustness
 from drapeplan.robustness_words import NAMES
 from drapeplan.rolling import CAP
 
 BLUE, RED, GRAY = "#4477aa", "#d62728", "#777777"
 BAR = 0.5  # [-] of a row's height
-STYLE = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
+STYLE = PLAIN | {"font.size": 9}
 
 
 def tornado_figure(path: str | Path, found: Robustness, title: str) -> None:
@@ -78,9 +72,7 @@ def tornado_figure(path: str | Path, found: Robustness, title: str) -> None:
             frameon=False,
             fontsize=8,
         )
-        content = io.BytesIO()
-        figure.savefig(content, format="png", metadata={"Software": None})
-    write_bytes(Path(path), content.getvalue())
+        write_png(figure, Path(path))
 
 
 def _bars(axes: Any, samples: list[Any]) -> None:

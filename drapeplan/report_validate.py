@@ -3,7 +3,6 @@
 As Figures 7 and 8 of [Nielsen2018], with the error that its Table 1 sums up.
 """
 
-import io
 import warnings
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from drapeplan.compare import Array
 from drapeplan.cups_file import MM
-from drapeplan.files import write_bytes
+from drapeplan.figure_file import write_png
 from drapeplan.surface_fit import KNOTS_A_SPAN
 from drapeplan.validate import Validation
 from ply.grid import Region
@@ -74,9 +73,7 @@ def validation_figure(path: str | Path, validation: Validation, title: str) -> N
             axes.text(
                 *(0.0, 1.03, f"({'abc'[n]})"), transform=axes.transAxes, weight="bold"
             )
-        content = io.BytesIO()
-        figure.savefig(content, format="png", metadata={"Software": None})
-    write_bytes(Path(path), content.getvalue())
+        write_png(figure, Path(path))
 
 
 def _draw_heights(

@@ -45,7 +45,7 @@ HOMES = {
     "matplotlib": {
         *("drapeplan.report", "drapeplan.report_validate"),
         *("drapeplan.report_robustness", "drapeplan.report_identify"),
-        "drapeplan.report_ranking",
+        *("drapeplan.report_ranking", "drapeplan.figure_file"),
     },
     "loky": {"drapeplan.engine"},
     "cloudpickle": {"drapeplan.engine"},
