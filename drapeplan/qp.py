@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-7  # [-] asked of a solver, in the rows' own units (mm in the strokes)
 TRUSTED = 1e4  # [-] tolerances by which a row may stay open in what counts as solved
+PROXIMAL_STEPS = 50  # [-] of proxqp: it never refuses strokes' QPs by itself
 KEPT = 8  # OSQP objects that stay alive, one for each pattern, the latest used
 PACKAGES = {"piqp": "piqp", "proxqp": "proxsuite", "clarabel": "clarabel"}
 PACKAGES |= {"daqp": "daqp"}  # modules that bring the solvers of the extra
@@ -282,7 +283,8 @@ def _options(backend: str, tolerance: float) -> dict[str, Any]:
             names = "tol_feas", "tol_gap_abs", "tol_gap_rel"
             return dict.fromkeys(names, tolerance)
         case "proxqp":
-            return {"backend": "sparse", "eps_abs": tolerance, "eps_rel": 0.0}
+            steps = {"backend": "sparse", "max_iter": PROXIMAL_STEPS}
+            return {**steps, "eps_abs": tolerance, "eps_rel": 0.0}
         case _:
             return {"eps_abs": tolerance, "eps_rel": tolerance}
 

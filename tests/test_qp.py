@@ -114,6 +114,14 @@ def test_contradiction_is_not_found_and_moves_nothing(backend):
     assert found.violation == np.inf
 
 
+@pytest.mark.skipif("proxqp" not in INSTALLED, reason="proxsuite is not installed")
+def test_proxqp_gives_up_after_its_steps(monkeypatch):
+    problem = program(1)[0]
+    assert QpSolver("proxqp").solve(problem).found
+    monkeypatch.setattr(qp, "PROXIMAL_STEPS", 1)
+    assert not QpSolver("proxqp").solve(problem).found
+
+
 @pytest.mark.parametrize("part", ["A", "G", "lower", "upper"])
 def test_violation_sees_every_kind_of_row(part):
     made, x = program(2)
