@@ -18,7 +18,7 @@ SHARED = {  # modules that look at the same plans or cluster
     **dict.fromkeys(("test_arm_check", "test_plan", "test_resettle"), "panel"),
     **dict.fromkeys(("test_check", "test_live"), "small panel"),
     **dict.fromkeys(("test_rest", "test_settling", "test_ply_rows"), "settled"),
-    **dict.fromkeys(("test_engine", "test_tune"), "cluster"),
+    **dict.fromkeys(("test_engine", "test_tune", "test_ranking"), "cluster"),
 }
 APART = {"test_cli", "test_examples", "test_judge", "test_ladder_truth"}  # long ones
 settings.register_profile("suite", deadline=None)  # others may be at work
@@ -98,6 +98,15 @@ def cluster():
 
     with dask_cluster() as address:
         yield address
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser for the tests of a module."""
+    from tests.browser import launch
+
+    with launch() as opened:
+        yield opened
 
 
 @pytest.fixture(scope="session")

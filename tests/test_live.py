@@ -24,7 +24,7 @@ from numpy.testing import assert_allclose
 
 from drapeplan import commands_live
 from drapeplan.path import Path
-from tests.browser import LOCAL, PATIENCE, OpenPage, launch
+from tests.browser import LOCAL, PATIENCE, OpenPage
 from tests.settled import small_panel, tool_section
 from viewer import live_news
 from viewer.live import Live
@@ -254,12 +254,6 @@ def test_closing_frees_the_port_and_ends_the_threads():
         assert ask(opened, "/")[0] == 200
     assert threading.active_count() == before
     assert_free(opened.server_port)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launch() as opened:
-        yield opened
 
 
 class LivePage(OpenPage):

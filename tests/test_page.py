@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from tests.browser import OpenPage, find_browser, launch, synthetic_view
+from tests.browser import OpenPage, find_browser, synthetic_view
 from viewer import colors, page
 from viewer.moments import moments
 from viewer.plan_view import Event, LongFiber
@@ -40,12 +40,6 @@ def views():
     told = {"title": "Second <b>", "touch": 4e-3, "penetration": 2e-3}
     small = synthetic_view(12, SAMPLES, (4.0, 1.0, 0.3), 2.0, **told)
     return faulty(synthetic_view(24, SAMPLES)), small
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launch() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from ply.grid import CupGrid
 from ply.sampling import PlySampling
-from tests.browser import COLUMNS, ROWS, OpenPage, launch, synthetic_view
+from tests.browser import COLUMNS, ROWS, OpenPage, synthetic_view
 from viewer import page
 from viewer.plan_view import MARGIN_SHOWN, Event, LongFiber, Statement
 
@@ -95,12 +95,6 @@ def view():
     gap = plain.gap.copy()
     gap[FAULTY, 40, 30] = -2.36e-3  # deeper than the colors tell
     return replace(plain, gap=gap, **findings())
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launch() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,6 @@ from tests.browser import (
     ROWS,
     OpenPage,
     height,
-    launch,
     mold_mesh,
     synthetic_view,
 )
@@ -363,12 +362,6 @@ def test_notices_are_inside(file):
         assert name in text
     assert text.count("Permission is hereby granted") >= 5
     assert "Robin Deits" in text
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launch() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")
