@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 from benchmarks.robustness import SCENES
+from drapeplan.engine import Engine
 from drapeplan.errors import InfeasibleError
 from drapeplan.plan_file import CandidateRow
 from drapeplan.ranking import rank_scene
@@ -50,7 +51,7 @@ def ranked(scene: Scene) -> dict:
     """Table of a scene, the best first; time, and the machine's load during it."""
     start = time.perf_counter()
     try:
-        found = rank_scene(scene, EXAMPLES, "scene", workers=2)
+        found = rank_scene(scene, EXAMPLES, "scene", engine=Engine(2))
     except InfeasibleError as error:
         return {"refused": str(error)}
     rows = [one.row for one in found.ranked]

@@ -23,12 +23,16 @@ def rank(
     workers: Annotated[
         int | None, typer.Option(help="Processes; default: one a core.")
     ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="Dask scheduler, as tcp://host:8786.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Rank start cups and patterns that make sense on a scene's mold."""
     from drapeplan.commands_rank import rank_command
 
-    return rank_command(scene, figure, samples, workers, as_json)
+    workers = os.cpu_count() or 1 if workers is None else workers
+    return rank_command(scene, figure, samples, workers, cluster, as_json)
 
 
 def tune(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drapeplan.commands_plan import inputs_of, naming
 from drapeplan.console import show_progress
+from drapeplan.engine import Engine
 from drapeplan.errors import InputError
 from drapeplan.files import check_outputs
 from drapeplan.ranking import rank_scene
@@ -20,7 +21,8 @@ def rank_command(
     scene: Path,
     figure: Path | None,
     samples: int,
-    workers: int | None,
+    workers: int,
+    cluster: str | None,
     as_json: bool,
 ) -> int:
     """Rank start cups and patterns for a scene, its own among them.
@@ -29,7 +31,8 @@ def rank_command(
         scene: Scene file; it is not changed.
         figure: Picture to write: P(wrong order) against time.
         samples: Of each candidate that is looked at closely.
-        workers: Processes; None for one a core.
+        workers: Processes of this machine.
+        cluster: Address of a Dask scheduler, whose workers are taken instead.
         as_json: One JSON document instead of a table.
 
     Returns:
@@ -41,13 +44,14 @@ def rank_command(
     """
     read = read_scene(scene)
     check_samples(samples, "--samples")
-    if workers is not None and workers < 1:
+    if workers < 1:
         raise InputError("--workers", "", f"must be at least 1 (found {workers})")
     written = [figure] if figure else []
     check_outputs(written, inputs_of(read, scene))
     with naming(scene), show_progress(as_json) as progress:
+        engine = Engine(workers, cluster)
         found = rank_scene(
-            read, scene.parent, str(scene), workers, samples, progress=progress
+            read, scene.parent, str(scene), engine, samples, progress=progress
         )
     block = found.block()
     if figure:

@@ -193,7 +193,7 @@ def rank_scene(
     scene: Scene,
     folder: Path,
     source: str,
-    workers: int | None = None,
+    engine: Engine | None = None,
     samples: int = SAMPLES,
     few: int = FEW,
     progress: Progress | None = None,
@@ -204,13 +204,14 @@ def rank_scene(
         scene: The scene; its own sequence is one of the candidates.
         folder: Folder that its paths are relative to.
         source: Names the scene in error messages.
-        workers: Processes; one a core if None.
+        engine: Who works, not entered yet; a process a core if None.
         samples: Of each candidate that is looked at closely.
         few: How many are looked at closely at once.
         progress: Called with the stage and its share done, 0 to 1.
 
     Raises:
-        InputError: The scene names what does not exist or does not fit.
+        InputError: The scene names what does not exist or does not fit, or the
+            engine's cluster does not answer.
         InfeasibleError: The mold has no room for the ply, whatever its order.
     """
     sources = read_sources(scene, folder)
@@ -218,7 +219,7 @@ def rank_scene(
     check_placement(cell, source)
     ways = candidates(scene, cup_targets(cell), cell.grid.pitch)
     judge = Judge(scene, sources)
-    with Engine(workers or os.cpu_count() or 1) as engine:
+    with engine or Engine(os.cpu_count() or 1) as engine:
         ranked = rank(judge, ways, scene.fidelity, engine, samples, few, progress)
     return Ranking(tuple(ranked), samples, scene.seed)
 

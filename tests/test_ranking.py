@@ -143,11 +143,14 @@ def test_auto_is_a_word_that_is_searched_or_refused():
     assert (quick.start_cup, quick.pattern) == ((3, 2), "alternate_sides")
 
 
-def test_rank_shows_a_table(drapeplan, tiny, tmp_path):
+def test_rank_shows_a_table_and_a_cluster_shows_the_same(
+    drapeplan, tiny, tmp_path, cluster
+):
     picture = tmp_path / "pareto.png"
-    options = "--samples", 2, "--workers", 1
-    ended = drapeplan("rank", tiny, *options, "--figure", picture)
+    options = "--samples", 2, "--figure", picture
+    ended = drapeplan("rank", tiny, *options, "--workers", 1)
     assert ended.code == 0
+    assert drapeplan("rank", tiny, *options, "--cluster", cluster) == ended
     assert "from the middle, all sides at once" in ended.out
     assert all(word in ended.out for word in ("P wrong", "take-up", "all_sides"))
     assert picture.read_bytes().startswith(b"\x89PNG")
