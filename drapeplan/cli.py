@@ -6,6 +6,7 @@ import json
 import os
 import sys
 import traceback
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,12 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 BUG = 70  # exit code of what should never happen
 LEFT = 141  # exit code where the reader of stdout left early, as `head` does
+MODELS = {  # of the file formats: module and class
+    "scene": ("drapeplan.scene", "Scene"),
+    "plan": ("drapeplan.plan_file", "Document"),
+    "cups": ("drapeplan.cups_file", "CupsFile"),
+    "measurements": ("drapeplan.identify_file", "MeasurementsFile"),
+}
 
 app = typer.Typer(
     add_completion=False,
@@ -306,18 +313,13 @@ def tool(
 
 @app.command()
 def schema(
-    what: Annotated[str, typer.Argument(help="scene, plan or cups")] = "scene",
+    what: Annotated[str, typer.Argument(help=f"One of {', '.join(MODELS)}.")] = "scene",
 ) -> int:
     """Print the JSON Schema of a file format."""
-    if what == "scene":
-        from drapeplan.scene import Scene as Model
-    elif what == "plan":
-        from drapeplan.plan_file import Document as Model  # type: ignore[assignment]
-    elif what == "cups":
-        from drapeplan.cups_file import CupsFile as Model  # type: ignore[assignment]
-    else:
-        raise InputError(
-            "schema", "", f"no format is called {what!r}", "scene, plan, cups"
-        )
-    print(json.dumps(Model.model_json_schema(), indent=2))
+    if what not in MODELS:
+        problem = f"no format is called {what!r}"
+        raise InputError("schema", "", problem, ", ".join(MODELS))
+    module, name = MODELS[what]
+    model = getattr(import_module(module), name)
+    print(json.dumps(model.model_json_schema(), indent=2))
     return 0

@@ -218,5 +218,5 @@ def _all_keys() -> set[str]:
 
 
 _KEYS = sorted(_all_keys())
-_SEE = "examples/identify shows"
+_SEE = "drapeplan schema measurements lists"
 _SHORTER = "let less of it hang over the edge"

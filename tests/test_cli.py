@@ -465,7 +465,7 @@ def test_check_and_preview_of_the_panel(drapeplan, panel_run, tmp_path):
     assert page.stat().st_size > 100_000
 
 
-@pytest.mark.parametrize("what", ["scene", "plan", "cups"])
+@pytest.mark.parametrize("what", ["scene", "plan", "cups", "measurements"])
 def test_schema(drapeplan, what):
     ended = drapeplan("schema", what)
     assert ended.code == 0
