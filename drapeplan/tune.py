@@ -1,10 +1,17 @@
 """Tune: the path's parameters, bettered by many simulations on common random errors.
 
-CMA-ES asks for paths and is told their loss on the same samples. What it converges to
-is the mean of its distribution; that mean, the scene's own path and the luckiest trial
-are ranked on samples that the search has not seen, and what is gained is told on yet
-others. The search's spread leaves the ply's stiffness out (a table of rests for each
-trial costs more than its samples); ranking and confirmation have all of it.
+The scene's own path comes first, with a few that have proved themselves on other molds;
+CMA-ES starts from the best of them, asks for paths and is told their loss on the same
+samples. What it converges to is the mean of its distribution; that mean, the scene's
+own path and the luckiest trial are ranked on samples that the search has not seen, and
+what is gained is told on yet others. The search's spread leaves the ply's stiffness out
+(a table of rests for each trial costs more than its samples); ranking and confirmation
+have all of it.
+
+The loss of a path is its expected wrongness, softened, from 0 to 1. A plan that is not
+good adds, for each criterion, NOT_GOOD, and EXCESS times what it is beyond its limit,
+relative: at like risk a good plan wins, but no criterion that is missed by a little
+outweighs a risk that is halved.
 """
 
 from __future__ import annotations
@@ -34,7 +41,8 @@ Progress = Callable[[str, float], None]
 SPREAD = 0.2  # [-] of the box: how far the search looks around at first
 SOFT = 0.25  # [mm] of margin over which a sample goes from wrong to right
 MARGIN, PRESS = 0.1, 0.1  # [-] price of a margin of 0 against CAP; of 1 mm of press
-REFUSED = 20.0  # [-] price of a path that no strokes follow: beyond any other
+NOT_GOOD, EXCESS = 0.1, 0.2  # [-] price of a criterion not met; of twice its limit
+REFUSED = 100.0  # [-] price of a path that no strokes follow: beyond any other
 CLEARLY = 2.0  # [-] standard errors by which luck has to win where luck is not counted
 RANKED = 64  # [-] samples of each finalist
 PART = 100  # [-] samples asked at once: each worker plans a path anew for its own
@@ -95,8 +103,9 @@ class Judged:
         """Loss of each sample, shape (n,); of the plan alone where there are none."""
         if self.plan["refused"]:
             return np.array([REFUSED - np.tanh(self.plan["refused_at"] / 100)])
-        found = [_loss(row) for row in self.rows]
-        return np.array(found) + self.plan["shortfall"]
+        missed = len(self.plan["not_good"])
+        price = NOT_GOOD * missed + EXCESS * (self.plan["shortfall"] - missed)
+        return np.array([_loss(row) for row in self.rows]) + price
 
     @property
     def loss(self) -> float:
@@ -162,7 +171,7 @@ class Tuner:
         self.features, self.effort, self.progress = features, effort, progress
         self.space = space_of(trials.scene, trials.searched)
         self.asked: dict[Path, int] = {}
-        self.begun, self.ran = time.monotonic(), 0
+        self.begun, self.ran, self.planned = time.monotonic(), 0, effort.budget + 1
         self.best: Judged | None = None
 
     def run(self, propose: Callable[[list[Row]], Path] | None = None) -> Tuning:
@@ -199,12 +208,16 @@ class Tuner:
             "seed": np.nan,  # leaves the one generator of numpy alone
         }
         count = len(space.knobs)
+        others = [p for p in space.known() if self._values(p) != self._values(scene)]
+        known = others[: self.effort.budget]
+        found = self._judge([scene, *known], "search", self.effort.samples)
+        self.best, tried = min(found, key=lambda one: one.loss), len(found)
         start = np.full(max(count, 2), 0.5)  # the search knows no single dimension
-        start[:count] = np.clip(space.point(scene), 0, 1)
-        found = self._judge([scene], "search", self.effort.samples)
-        self.best, tried = found[0], 1
+        start[:count] = np.clip(space.point(self.best.path), 0, 1)
         search = cma.CMAEvolutionStrategy(start, SPREAD, options)
-        while tried - 1 + search.popsize <= self.effort.budget and not search.stop():
+        left = self.effort.budget + 1 - tried
+        self.planned = tried + left // search.popsize * search.popsize
+        while tried < self.planned and not search.stop():
             points = search.ask()
             paths = [space.path(point[:count]) for point in points]
             found = self._judge(paths, "search", self.effort.samples)
@@ -273,7 +286,7 @@ class Tuner:
         if self.best and self.best.rows:
             text += f", least margin of the best path {self.best.least:.2f} mm"
         effort = self.effort
-        whole = (effort.budget + 1) * effort.samples
+        whole = self.planned * effort.samples
         whole += 3 * RANKED + 2 * effort.confirmed
         self.progress(text, min(self.ran / whole, 1.0))
 

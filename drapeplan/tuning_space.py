@@ -5,6 +5,7 @@ Times are no parameters: the drape is judged at rest, so no margin depends on th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +57,17 @@ KNOBS: dict[str, tuple[Knob, ...]] = {
     ),
     "hover": (Knob("height_mm", 2.0, 40.0, log=True), TOE),
 }
+# Paths that have proved themselves, values in the order of the knobs: one for flat and
+# convex molds; one for hollow borders, which bends wide and low from inside the rim.
+KNOWN: dict[str, tuple[tuple[float, ...], ...]] = {
+    "rectangle_blend": (
+        (0.6, 0.6, 120.0, 0.0, 2.0),
+        (0.205, 0.475, 325.0, -11.0, 4.44),
+        (0.475, 0.205, 325.0, -11.0, 4.44),
+    ),
+    "radial": ((0.6, 120.0, 10.0, 2.0),),
+    "hover": ((5.0, 2.0),),
+}
 
 
 class Space:
@@ -101,10 +113,17 @@ class Space:
             point: Shape (n,); what lies outside the box is brought to its border.
         """
         scaled = self.low + np.clip(point, 0, 1) * (self.high - self.low)
-        plain = np.where(self.log, np.exp(scaled), scaled)
+        return self._path(np.where(self.log, np.exp(scaled), scaled).tolist())
+
+    def known(self) -> list[Path]:
+        """Paths of the family that have proved themselves on some mold."""
+        every = KNOWN[self.base.family]
+        return [self._path(values[: len(self.knobs)]) for values in every]
+
+    def _path(self, values: Iterable[float]) -> Path:
         found: dict[str, Any] = {
             knob.name: float(f"{value:.{DIGITS}g}")
-            for knob, value in zip(self.knobs, plain, strict=True)
+            for knob, value in zip(self.knobs, values, strict=True)
         }
         if "lift_s_per_m" in found:
             lift = found.pop("lift_s_per_m"), found.pop("lift_t_per_m")
