@@ -33,6 +33,7 @@ from viewer.live_server import HERE, LiveServer
 
 POSITION = 10e-6  # [m] what a packed position may lose
 HOSTILE = 'no </script><b id="bad">rest</b> & "more"'
+LONG = f"?since={'1' * 5000}"  # longer than Python turns into an integer
 SECONDS = 120  # for a process on a busy machine
 
 
@@ -207,7 +208,7 @@ def test_nothing_else_is_there(server, path):
 
 
 @pytest.mark.parametrize(
-    "query", ["", "?since=", "?since=-1", "?since=x", "?since=1e3"]
+    "query", ["", "?since=", "?since=-1", "?since=x", "?since=1e3", LONG]
 )
 def test_questions_must_be_numbers(server, query):
     assert ask(server, "/news" + query)[0] == 400
