@@ -112,6 +112,16 @@ def least_margins(
 ) -> Floats:
     """Least of `premature_margins` and of `air_margins` of each pose, without fields.
 
+    Args and result are those of `placed_margins`, whose first answer it is.
+    """
+    return placed_margins(h, start, vents, touch, barrier)[0]
+
+
+def placed_margins(
+    h: Floats, start: Bools, vents: Bools, touch: float, barrier: float
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Least of `premature_margins` and of `air_margins` of each pose, and where.
+
     Args:
         h: Heights above the laid state, shape (K, nt, ns), in [m].
         start: Samples on the start cup's pad, shape (nt, ns).
@@ -120,9 +130,11 @@ def least_margins(
         barrier: Height by which a hump or a hollow counts, in [m].
 
     Returns:
-        Premature and air margins, shape (2, K), in [m]; infinite for none.
+        Premature and air margins, shape (2, K), in [m], infinite for none; and the
+        first sample that has each, row * ns + column, shape (2, K), -1 for none.
     """
-    return np.asarray(_least(np.ascontiguousarray(h), start, vents, touch, barrier))
+    least, where = _least(np.ascontiguousarray(h), start, vents, touch, barrier)
+    return np.asarray(least), np.asarray(where)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -148,7 +160,7 @@ def _least(
 ) -> Any:  # pragma: no cover
     """Least margins, one pose after the other on the same scratch arrays."""
     poses, rows, columns = h.shape
-    least = np.full((2, poses), np.inf)
+    least, where = np.full((2, poses), np.inf), np.full((2, poses), -1)
     field, level = np.empty((rows, columns)), np.empty((rows + 2, columns + 2))
     for k in range(poses):
         for kind in range(2):
@@ -164,9 +176,10 @@ def _least(
                 for j in range(columns):
                     one, found = h[k, i, j], sign * level[i + 1, j + 1]
                     high, low = (found, one) if kind == 0 else (one, found)
-                    if high > max(low, touch) + barrier:
-                        least[kind, k] = min(least[kind, k], low - touch)
-    return least
+                    apart = high > max(low, touch) + barrier
+                    if apart and low - touch < least[kind, k]:
+                        least[kind, k], where[kind, k] = low - touch, i * columns + j
+    return least, where
 
 
 @numba.njit(cache=True, nogil=True)

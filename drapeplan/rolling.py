@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from drapeplan.cell import Cell
 from drapeplan.contact import FAR
-from drapeplan.flood import least_margins
+from drapeplan.flood import placed_margins
 from drapeplan.front_grid import FrontGrid
 from drapeplan.held_ply import (
     PlyModel,
@@ -41,6 +41,7 @@ from ply.weave import Sides
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 CAP = 3e-3  # [m] margins beyond are infinite: nothing threatens
 AT_ONCE = 16  # [-] poses at a time: their samples stay in the cache
@@ -110,6 +111,8 @@ class Rollout:
         pad_press: The same for pads, landing and placed, in [m].
         link_error: Largest error of a link, in [m].
         stable: Whether the tool has a stable rest; if not, the rest is the plan's.
+        place: Where on the ply the least margin is, material (s, t), in [m]; None where
+            it is infinite, or that of a waypoint left out.
     """
 
     premature: Array
@@ -118,6 +121,7 @@ class Rollout:
     pad_press: float
     link_error: float
     stable: bool = True
+    place: tuple[float, float] | None = None
 
     @property
     def wrong(self) -> bool:
@@ -149,14 +153,15 @@ def roll(course: Course, sample: Draw, spread: Spread) -> Rollout:
         return replace(lost, stable=False)
     poses, link_error = disturbed(course, settled, sample, spread)
     seen = as_registered(poses, sample, spread)  # the ply goes along with its cups
-    early, air, spans, pads = _measured(course, seen, sample, spread)
+    margins, places, depths = _measured(course, seen, sample, spread)
     by_step = np.full((2, course.steps), np.inf)
-    for margins, row, far in zip((early, air), by_step, course.far, strict=True):
-        np.minimum.at(row, course.step, margins)
+    for one, row, far in zip(margins, by_step, course.far, strict=True):
+        np.minimum.at(row, course.step, one)
         row[0] = min(row[0], far)
-    pushed = _pushed(course, sample, spread)
-    press = float(spans.max()), max(float(pads.max()), pushed)
-    return Rollout(by_step[0], by_step[1], *press, link_error)
+    spans, pads = depths.max(axis=1)
+    press = float(spans), max(float(pads), _pushed(course, sample, spread))
+    place = _place(course, margins, places)
+    return Rollout(by_step[0], by_step[1], *press, link_error, place=place)
 
 
 def disturbed(
@@ -199,19 +204,29 @@ def _settled(course: Course, sample: Draw, spread: Spread) -> Poses | None:
 
 def _measured(
     course: Course, poses: Poses, sample: Draw, spread: Spread
-) -> tuple[Array, Array, Array, Array]:
-    """Margins, premature and air, and depths, spans and pads; shapes (K,), in [m]."""
+) -> tuple[Array, Ints, Array]:
+    """What `_judged` finds in all poses, shapes (2, K)."""
     cell = _with_ply(course.cell, sample, spread)
-    found = np.empty((4, len(course.live)))
+    margins, depths = np.empty((2, 2, len(course.live)))
+    places = np.empty(margins.shape, np.int64)
     for chosen, fibers in _fibers(course, cell, poses):
         for first in range(0, len(chosen), AT_ONCE):
             some = chosen[first : first + AT_ONCE]
             part = poses[0][some], poses[1][some]
             held = _some(fibers, slice(first, first + AT_ONCE))
             points = held_points(cell, held, *part, course.model)
-            found[:, some] = _judged(course, some, points)
-    early, air, spans, pads = found
-    return early, air, spans, pads
+            found = _judged(course, some, points)
+            margins[:, some], places[:, some], depths[:, some] = found
+    return margins, places, depths
+
+
+def _place(course: Course, margins: Array, places: Ints) -> tuple[float, float] | None:
+    """Where the least margin of all poses is, material (s, t), in [m]."""
+    k = margins.argmin()
+    if not margins.flat[k] <= min(CAP, *course.far):
+        return None
+    i, j = divmod(int(places.flat[k]), len(course.grid.s))
+    return float(course.grid.s[j]), float(course.grid.t[i])
 
 
 def _fibers(
@@ -277,8 +292,15 @@ def _some(fibers: PlyFibers, poses: slice | NDArray[np.int_]) -> PlyFibers:
     return PlyFibers(*(getattr(fibers, one.name)[poses] for one in fields(fibers)))
 
 
-def _judged(course: Course, some: NDArray[np.int_], points: Array) -> Array:
-    """Margins and depths of some poses, shape (4, k), in [m], from their points."""
+def _judged(
+    course: Course, some: NDArray[np.int_], points: Array
+) -> tuple[Array, Ints, Array]:
+    """What the points of some poses say.
+
+    Returns:
+        Margins, premature and air, in [m]; the samples that have them; depths of spans
+        and pads, in [m]; shapes (2, k).
+    """
     grid, touch, barrier = course.grid, course.tolerance.touch, course.tolerance.barrier
     live, pads = course.live[some], course.pads[some]
     at, final = np.flatnonzero(live), np.broadcast_to(course.final_gap, live.shape)
@@ -288,8 +310,8 @@ def _judged(course: Course, some: NDArray[np.int_], points: Array) -> Array:
     depths = [
         -h.min(axis=(1, 2), where=where, initial=0.0) for where in (live & ~pads, pads)
     ]
-    margins = least_margins(h, grid.start_pad, grid.vents, touch, barrier)
-    return np.concatenate([margins, depths])
+    found = placed_margins(h, grid.start_pad, grid.vents, touch, barrier)
+    return *found, np.stack(depths)
 
 
 def _pushed(course: Course, sample: Draw, spread: Spread) -> float:

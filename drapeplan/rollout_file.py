@@ -48,7 +48,9 @@ FIELDS = {
     "wrong": pa.bool_(),
     "cause": pa.string(),  # premature, air_pocket, no_rest
     "tightest_step": pa.int32(),
-    "tightest_cups": CUPS,
+    "tightest_cups": CUPS,  # that land in that step
+    "tightest_s_mm": pa.float64(),  # the place on the ply, in material coordinates
+    "tightest_t_mm": pa.float64(),
     "plan_hash": pa.string(),
     "version": pa.string(),
 }

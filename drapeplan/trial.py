@@ -147,6 +147,7 @@ def measured(found: Rollout, sequence: Sequence) -> Row:
         step = int(np.minimum(found.premature, found.air).argmin())
         landing = [sequence.start_cup] if step == 0 else sequence.steps[step - 1]
         cups = [list(map(int, cup)) for cup in landing]
+    s, t = found.place or (None, None)
     return {
         "premature_mm": plain(early),
         "air_mm": plain(air),
@@ -158,4 +159,6 @@ def measured(found: Rollout, sequence: Sequence) -> Row:
         "cause": ("no_rest" if not found.stable else cause) if found.wrong else None,
         "tightest_step": step,
         "tightest_cups": cups,
+        "tightest_s_mm": None if s is None else 1e3 * s,
+        "tightest_t_mm": None if t is None else 1e3 * t,
     }

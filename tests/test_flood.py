@@ -19,6 +19,7 @@ from drapeplan.flood import (
     escape_level,
     least_margins,
     pass_level,
+    placed_margins,
     premature_margins,
 )
 
@@ -195,3 +196,12 @@ def test_least_margins_are_those_of_the_fields(h, data):
     early = premature_margins(both, start, TOUCH, BARRIER).min(axis=(1, 2))
     air = air_margins(both, TOUCH, BARRIER, vents).min(axis=(1, 2))
     assert_array_equal(found, [early, air])
+    least, places = placed_margins(both, start, vents, TOUCH, BARRIER)
+    fields = (
+        premature_margins(both, start, TOUCH, BARRIER),
+        air_margins(both, TOUCH, BARRIER, vents),
+    )
+    for field, margin, place in zip(fields, least, places, strict=True):
+        flat = field.reshape(len(both), -1)
+        none = np.isposinf(margin)
+        assert_array_equal(place, np.where(none, -1, flat.argmin(axis=1)))

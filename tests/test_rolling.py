@@ -145,3 +145,19 @@ def test_a_tool_without_rest_is_wrong(flat):
     assert not found.stable
     assert found.wrong
     assert roll(lost, sample(lost), Spread()).stable
+
+
+@pytest.mark.parametrize(("i", "j"), [(6, 1), (1, 4)])
+def test_the_place_is_where_the_ply_comes_too_early(flat, i, j):
+    """One cup hangs low and leads: the place is on its pad or the ply around it."""
+    loose = replace(flat, keeper=None)
+    numbers = sample(loose)
+    low = 0 * numbers.position
+    low[i * flat.cell.grid.columns + j, 2] = -1.0
+    numbers = replace(numbers, position=low, angle=0 * numbers.angle)
+    found = roll(loose, numbers, Spread(position=15e-3))
+    pitch = flat.cell.grid.pitch
+    assert found.wrong
+    assert_allclose(found.place, (j * pitch, i * pitch), atol=pitch / 2)
+    level = replace(numbers, position=0 * low)
+    assert roll(loose, level, Spread(position=15e-3)).place is None
