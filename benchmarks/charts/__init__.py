@@ -11,10 +11,11 @@ import sys
 from pathlib import Path
 
 from benchmarks.charts import drawing
+from benchmarks.charts._compare import compare
 from benchmarks.charts.results import read
 
 # modules here, in the order of docs/charts.md
-CHARTS = ("ply", "tool", "qp", "verdict", "scale", "maps", "needs")
+CHARTS = ("ply", "tool", "qp", "verdict", "scale", "maps", "needs", "engine")
 ROOT = Path(__file__).parents[2]
 RELEASED = ROOT / "benchmarks" / "results"  # what the documentation shows
 TRIED = ROOT / "build" / "charts"  # where quick figures go: they replace nothing
@@ -28,10 +29,15 @@ def main(arguments: list[str] | None = None) -> int:
     effort.add_argument("--quick", action="store_true", help="few cases and repeats")
     effort.add_argument("--full", action="store_true", help="all of them: the default")
     effort.add_argument("--redraw", action="store_true", help="from the last figures")
+    both = {"nargs": 2, "type": Path, "metavar": ("OLD", "NEW")}
+    text = "two folders of results: 1 if a ratio of times moved by more than 30 %"
+    effort.add_argument("--compare", **both, help=text)
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER")
     options = parser.parse_args(arguments)
     if unknown := set(options.names) - set(CHARTS):
         parser.error(f"no chart is called {', '.join(unknown)}: {', '.join(CHARTS)}")
+    if options.compare:
+        return compare(*options.compare, options.names or CHARTS)
     folder = options.output or (TRIED if options.quick else RELEASED)
     for name in options.names or CHARTS:
         print(f"chart {name}", file=sys.stderr)
