@@ -471,3 +471,16 @@ def test_a_view_that_is_gone_stops_no_planner(plan):
         start = time.perf_counter()
         live.wait()
         assert time.perf_counter() - start < 1
+
+
+def test_what_cannot_be_shown_is_said():
+    with Live() as live:
+        live.stage("strokes", "no share")
+        text, until = "", time.monotonic() + SECONDS
+        while "cannot be shown" not in text and time.monotonic() < until:
+            link = http.client.HTTPConnection(HERE, live.port, timeout=SECONDS)
+            link.request("GET", "/")
+            text = link.getresponse().read().decode()
+            link.close()
+            time.sleep(0.05)
+        assert "This cannot be shown" in text
