@@ -9,8 +9,9 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import FixedLocator, Formatter, LogLocator, NullFormatter
 
+from benchmarks.charts._notes import GRAY, SIZE, note, spread
 from benchmarks.charts.results import Results
 from drapeplan.files import write_bytes
 
@@ -18,7 +19,6 @@ COLORS = (  # Okabe and Ito, told apart by the color-blind; yellow is too pale
     *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"),
 )
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
-GRAY = "#767676"  # notes and fronts: 4.5 : 1 on white
 STYLE = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -37,7 +37,9 @@ STYLE = {
 }
 WIDTH = 7.2  # [in] of a figure: two columns of a journal
 DPI = 150  # [1/in] of the PNG
-LINE = 118  # [-] characters of a note's line
+ROOM = 0.37  # [in] along an axis for a label
+LONG = 1e4  # [-] numbers beyond are written as powers, which are wider
+LINE = 132  # [-] characters of a note's line
 
 
 def save(draw: Callable[[Results], Figure], results: Results, stem: Path) -> list[Path]:
@@ -45,8 +47,9 @@ def save(draw: Callable[[Results], Figure], results: Results, stem: Path) -> lis
     with matplotlib.rc_context(STYLE):
         figure = draw(results)
         figure.supxlabel(
-            provenance(results), fontsize=6.5, color=GRAY, x=0.01, ha="left"
+            provenance(results), fontsize=SIZE, color=GRAY, x=0.01, ha="left"
         )
+        finish(figure)
         files = []
         for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
             content = io.BytesIO()
@@ -80,16 +83,42 @@ def look(index: int) -> dict[str, str]:
 def log_log(axes: Axes, title: str, x: str, y: str) -> None:
     """Title and labels of a panel with logarithmic axes."""
     axes.set(title=title, xlabel=x, ylabel=y, xscale="log", yscale="log")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(_Plain())
-        axis.set_minor_formatter(_Plain(labelOnlyBase=False))
 
 
-class _Plain(LogFormatter):
-    """Plain numbers near one, powers of ten elsewhere; few of those between."""
+def finish(figure: Figure) -> None:
+    """Label logarithmic axes and put notes where they hide nothing."""
+    figure.set_dpi(DPI)
+    _tick(figure)
+    spread(figure)
 
-    def _num_to_string(self, x: float, vmin: float, vmax: float) -> str:
-        return f"{x:g}" if 1e-3 < x < 1e4 else f"$10^{{{round(np.log10(x))}}}$"
+
+def _tick(figure: Figure) -> None:
+    """Labels of logarithmic axes: 1, 2, 5 in every decade where there is room."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        sides = axes.get_window_extent()
+        for axis, length in ((axes.xaxis, sides.width), (axes.yaxis, sides.height)):
+            low, high = np.sort(axis.get_view_interval())
+            fixed = isinstance(axis.get_major_locator(), FixedLocator)
+            if axis.get_scale() != "log" or fixed:
+                continue
+            room = ROOM * (2 if axis is axes.xaxis and high > LONG else 1)
+            if length > room * 3 * np.log10(high / low) * DPI:
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(_Plain())
+            axis.set_minor_formatter(NullFormatter())
+
+
+class _Plain(Formatter):
+    """Plain numbers near one, powers of ten elsewhere."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Label of a tick."""
+        if 1e-3 < x < LONG:
+            return f"{x:g}"
+        digit, power = f"{x:.0e}".split("e")
+        times = "" if digit == "1" else rf"{digit} \cdot "
+        return f"${times}10^{{{int(power)}}}$"
 
 
 def legend(figure: Figure, columns: int = 5) -> None:
@@ -129,32 +158,40 @@ def scatter(
         method: Which look.
         joined: Whether a line joins the points in their order.
         hollow: Whether markers are not filled: what is published or recorded elsewhere.
-        notes: A few words beside each point.
+        notes: A few words beside each point, placed when all is drawn.
     """
     face = {"markerfacecolor": "white"} if hollow else {}
     line = "-" if joined else ""
     axes.plot(x, y, label=label, linestyle=line, linewidth=0.9, **look(method), **face)
-    for a, b, note in zip(x, y, notes, strict=False):
-        axes.annotate(
-            note, (a, b), (5, 3), textcoords="offset points", fontsize=6.5, color=GRAY
-        )
+    for a, b, text in zip(x, y, notes, strict=False):
+        if text:
+            note(axes, a, b, text)
 
 
-def published(axes: Axes, x: float, y: float, note: str) -> None:
+def ends(notes: Sequence[str]) -> list[str]:
+    """The first and the last of a knob's settings, a common unit once."""
+    if len(notes) < 2:
+        return [""] * len(notes)
+    (*value, unit), (*_, same) = notes[0].split(), notes[-1].split()
+    first = " ".join(value) if unit == same else notes[0]
+    return [first, *[""] * (len(notes) - 2), notes[-1]]
+
+
+def published(axes: Axes, x: float, y: float, text: str) -> None:
     """A point that others published, which lies at x or left of it."""
     axes.plot([x], [y], "*", color=GRAY, markerfacecolor="white", markersize=11)
     axes.annotate(
         "", (x / 3, y), (x, y), arrowprops={"arrowstyle": "->", "color": GRAY}
     )
     place = {"textcoords": "offset points", "ha": "center", "va": "top"}
-    axes.annotate(note, (x, y), (-8, -7), fontsize=6.5, color=GRAY, **place)
+    axes.annotate(text, (x, y), (-8, -7), fontsize=SIZE, color=GRAY, **place)
 
 
-def upright(axes: Axes, x: float, note: str) -> None:
+def upright(axes: Axes, x: float, text: str) -> None:
     """A time that has no error of its own, as that of the reference."""
     axes.axvline(x, color=GRAY, linestyle=":", linewidth=1.2)
     axes.annotate(
-        note,
+        text,
         (x, 0.02),
         (-3, 0),
         xycoords=("data", "axes fraction"),
@@ -162,7 +199,7 @@ def upright(axes: Axes, x: float, note: str) -> None:
         rotation=90,
         ha="right",
         va="bottom",
-        fontsize=6.5,
+        fontsize=SIZE,
         color=GRAY,
     )
 

@@ -32,7 +32,7 @@ MAPS = {  # title, what x and y are
     "verdict": (
         "order kept, 3 x 4 cups on a saddle",
         "take-up [mm]",
-        "errors of cups [mm], 1 deg for 0.6",
+        "errors [mm], with 0.5 deg for 0.3 mm",
     ),
 }
 COLORS = {  # Okabe and Ito; failures are dark, as in print without color

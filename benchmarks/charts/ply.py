@@ -19,6 +19,7 @@ from benchmarks.charts._relax import Peer, peers, relax
 from benchmarks.charts._whole_ply import whole_ply
 from benchmarks.charts.drawing import (
     WIDTH,
+    ends,
     front,
     legend,
     log_log,
@@ -112,7 +113,7 @@ def draw(results: Results) -> Figure:
                 settings = {
                     "joined": True,
                     "hollow": foreign,
-                    "notes": [] if foreign else _ends(notes),
+                    "notes": [] if foreign else ends(notes),
                 }
                 scatter(axes, x, y, method, k, **settings)
         drawn = [row for row in rows if row["method"] != REFERENCE]
@@ -121,12 +122,6 @@ def draw(results: Results) -> Figure:
             published(axes, PAPER_MS, PAPER_RMS, "the paper's scan,\nas published")
     legend(figure, columns=4)
     return figure
-
-
-def _ends(notes: list[str]) -> list[str]:
-    """The first and the last of the notes, as far as those between follow."""
-    last = len(notes) - 1
-    return [note if last and k in (0, last) else "" for k, note in enumerate(notes)]
 
 
 def _methods() -> dict[tuple[str, str], Shapes]:

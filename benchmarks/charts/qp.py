@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 import qpsolvers
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
 from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
@@ -35,13 +34,10 @@ SETS = {
     "planned": "from the closed-form inverse",
     "stepped": "from the waypoint before",
     "taut": "ply hardly reaches",
-    "contradictory": "ply does not reach: to be refused",
+    "contradictory": "to be refused",
 }
 CUTS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # [mm] by which fibers are shortened
-LABELS = {
-    "worst_violation_mm": "worst violation of solved QPs [mm]",
-    "refused": "share refused",
-}
+VIOLATION = "worst violation of solved QPs [mm]"
 HIGHEST = 1e-2  # [mm] upper end of the axis
 LEAST = 1e-13  # [mm] violations below are drawn there
 REACHED = 1e-9  # [mm] violation of points that others' cost is compared with
@@ -76,46 +72,38 @@ def measure(quick: bool) -> Results:
 
 
 def draw(results: Results) -> Figure:
-    """A panel for each set: violation against time, and what is refused."""
+    """A panel for each set: violation against time, and how soon is refused."""
     figure = Figure(figsize=(WIDTH, 5.8), layout="constrained")
     panels = figure.subplots(2, 2)
     methods = list(dict.fromkeys(str(row["solver"]) for row in results.rows))
     for axes, (title, text) in zip(panels.flat, SETS.items(), strict=True):
         of_set = results.where(set=title)
-        text = f"{of_set[0]['qps']} QPs, {text}"
-        refusal = title == "contradictory"
-        name = "refused" if refusal else "worst_violation_mm"
-        log_log(axes, text, "median time of a QP [ms]", LABELS[name])
-        if refusal:
-            axes.set(yscale="linear", ylim=(-0.05, 1.05))
-            axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        text, refusal = f"{of_set[0]['qps']} QPs, {text}", title == "contradictory"
+        log_log(axes, text, "median time of a QP [ms]", "" if refusal else VIOLATION)
         for k, method in enumerate(methods):
             rows = results.where(set=title, solver=method)
-            x, y = (
-                [row["median_ms"] for row in rows],
-                [_height(row, name) for row in rows],
-            )
-            notes = [] if refusal else _notes(rows)
+            x = [row["median_ms"] for row in rows]
+            y = [float(k) if refusal else _height(row) for row in rows]
+            notes = _notes(rows, "refused" if refusal else "solved")
             scatter(axes, x, y, method, k, joined=True, notes=notes)
-        if not refusal:
-            axes.set_ylim(LEAST / 4, HIGHEST)
-            rows = [row for row in of_set if row["solved"] == 1]
-            front(
-                axes, [r["median_ms"] for r in rows], [_height(r, name) for r in rows]
-            )
+        if refusal:
+            axes.set(yscale="linear", ylim=(len(methods) - 0.5, -0.5))
+            axes.set_yticks(range(len(methods)), methods)
+            continue
+        axes.set_ylim(LEAST / 4, HIGHEST)
+        rows = [row for row in of_set if row["solved"] == 1]
+        front(axes, [r["median_ms"] for r in rows], [_height(r) for r in rows])
     legend(figure)
     return figure
 
 
-def _height(row: dict, name: str) -> float:
-    return max(row[name], LEAST) if name == "worst_violation_mm" else row[name]
+def _height(row: dict) -> float:
+    return max(row["worst_violation_mm"], LEAST)
 
 
-def _notes(rows: list[dict]) -> list[str]:
-    """What is not solved, beside the first point of which it is so."""
-    notes = [
-        f"{100 * row['solved']:.0f} %" if row["solved"] < 1 else "" for row in rows
-    ]
+def _notes(rows: list[dict], name: str) -> list[str]:
+    """What share is solved, or refused, beside the first point of which it is so."""
+    notes = [f"{100 * row[name]:.0f} %" if row[name] < 1 else "" for row in rows]
     return [note if note not in notes[:k] else "" for k, note in enumerate(notes)]
 
 

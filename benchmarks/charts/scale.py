@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.charts.drawing import GRAY, WIDTH, legend, log_log, scatter
+from benchmarks.charts.drawing import WIDTH, log_log, scatter
 from benchmarks.charts.results import Results, made_with
 
 CUPS = ((2, 2), (4, 3), (6, 4), (8, 6), (10, 10), (14, 14), (20, 20))
@@ -22,9 +22,9 @@ BATCHES = (1, 4, 16, 64, 256)
 STAGES = ("robot and mold", "net and wave", "strokes", "rest", "contact")
 PARTS = ("ply", "gap", "margins", "fibers", "points")
 PANELS = {
-    "cups": ("a plan, by cups", "time [s]"),
-    "samples": ("a pose of 6 x 8 cups, by samples of the ply", "time [s]"),
-    "batch": ("a pose of 6 x 8 cups, by poses at a time", "time a pose [s]"),
+    "cups": ("a plan", "cups", "time [ms]"),
+    "samples": ("a pose of 6 x 8 cups", "samples of the ply", "time [ms]"),
+    "batch": ("a pose of 6 x 8 cups", "poses at a time", "time a pose [ms]"),
 }
 LONGEST = 1800  # [s] of one point, past which it is missing
 PLANNED = {"cups": 48, "samples": 4697}  # sizes of a plan's own tool
@@ -71,46 +71,42 @@ def exponent(x: list[float], y: list[float]) -> float:
 
 
 def draw(results: Results) -> Figure:
-    """Time by stages for each kind of size, and memory."""
-    figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
+    """Time by stages for each kind of size, and memory; each panel has its legend."""
+    figure = Figure(figsize=(WIDTH, 5.8), layout="constrained")
     panels = figure.subplots(2, 2)
-    for axes, (kind, (title, y_label)) in zip(
+    for axes, (kind, (title, x_label, y_label)) in zip(
         panels.flat, PANELS.items(), strict=False
     ):
         rows = _points(results, kind)
-        log_log(axes, title, kind if kind != "batch" else "poses at a time", y_label)
-        for k, stage in enumerate((*STAGES, *PARTS)):
-            own = [row for row in rows if row.get(f"{stage}_s")]
-            if own:
-                x, y = [r["count"] for r in own], [r[f"{stage}_s"] for r in own]
-                scatter(axes, x, y, stage, k, joined=True)
-        _slope(axes, kind, results)
+        log_log(axes, title + _power(kind, results), x_label, y_label)
+        stages = [name for name in (*STAGES, *PARTS) if rows[0].get(f"{name}_s")]
+        for k, stage in enumerate(stages):
+            x, y = [r["count"] for r in rows], [1e3 * r[f"{stage}_s"] for r in rows]
+            scatter(axes, x, y, stage, k, joined=True)
+        axes.legend(frameon=False)
     _memory(panels[1, 1], results)
-    legend(figure)
     return figure
 
 
 def _memory(axes: Axes, results: Results) -> None:
-    log_log(axes, "peak memory, libraries included", "size", "[MB]")
+    title, x_label = "peak memory, libraries included", "cups, samples or poses"
+    log_log(axes, title, x_label, "[MB]")
     for k, kind in enumerate(PANELS):
         rows = _points(results, kind)
         x, y = [row["count"] for row in rows], [row["peak_MB"] for row in rows]
-        scatter(axes, x, y, f"by {kind}", len(STAGES) + len(PARTS) + k, joined=True)
-        if rows:
-            note = {"fontsize": 6.5, "color": GRAY, "textcoords": "offset points"}
-            axes.annotate(f"{y[-1]:.0f} MB", (x[-1], y[-1]), (-12, 5), **note)
+        notes = [""] * (len(y) - 1) + [f"{y[-1]:.0f} MB"]
+        scatter(axes, x, y, f"by {kind}", k, joined=True, notes=notes)
+    axes.legend(frameon=False)
 
 
 def _points(results: Results, kind: str) -> list[dict]:
     return [row for row in results.where(set=kind) if "fit" not in row]
 
 
-def _slope(axes: Axes, kind: str, results: Results) -> None:
-    """The fitted exponent of all stages together."""
-    for row in results.where(set=kind, fit="total_s"):
-        text = f"all stages: size to the {row['exponent']:.1f}"
-        place = {"xycoords": "axes fraction", "fontsize": 7, "color": GRAY}
-        axes.annotate(text, (0.25, 0.95), **place)
+def _power(kind: str, results: Results) -> str:
+    """The fitted exponent of all stages together, as a part of the title."""
+    fitted = [r["exponent"] for r in results.where(set=kind, fit="total_s")]
+    return f": size to the {fitted[0]:.1f}" if fitted else ""
 
 
 def _child(kind: str, *sizes: int) -> dict | str:

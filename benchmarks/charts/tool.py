@@ -38,9 +38,9 @@ from drapeplan.settling import settle_path
 from tests.cartesian import CartesianTool
 
 SETS = {
-    "small": "3 x 4 cups, dome",
-    "panel": "6 x 8 cups, panel.yaml",
-    "saddle": "6 x 8 cups, saddle.yaml",
+    "small": "dome, 3 x 4 cups",
+    "panel": "panel, 6 x 8 cups",
+    "saddle": "saddle, 6 x 8 cups",
 }
 SMALL = (4, 3)  # rows and columns; Pink's dense data of 48 legs would hold 760 MB
 QUICK_WAVE = 3  # [-] poses when quick

@@ -12,12 +12,12 @@ from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MultipleLocator
 
 from benchmarks._timing import interleaved
 from benchmarks.charts._drapes import DOME, cell_of, example, over, swapped
 from benchmarks.charts._sampled import LINES, Case, Poses, case_of, off_by, sampled
-from benchmarks.charts.drawing import WIDTH, front, legend, log_log, scatter
+from benchmarks.charts.drawing import WIDTH, ends, front, legend, log_log, scatter
 from benchmarks.charts.results import Results, made_with
 from drapeplan import refine
 from drapeplan.contact import HIGH, front_tolerance, judge_contact
@@ -70,12 +70,12 @@ def draw(results: Results) -> Figure:
             notes = ends([str(row["setting"]) for row in own])
             x, y = [row["ms"] for row in own], [max(row[key], FLOOR) for row in own]
             scatter(axes, x, y, method, k, joined=True, notes=notes)
-        axes.xaxis.set_minor_formatter(NullFormatter())
         front(axes, [row["ms"] for row in rows], [max(row[key], FLOOR) for row in rows])
     axes, rows = panels[2], results.where(set="tries")
     title = f"{rows[0]['tries']} tries of a wave step"
     log_log(axes, title, "tries a second", "wrong verdicts")
     axes.set(yscale="linear")
+    axes.yaxis.set_major_locator(MultipleLocator(0.05))
     axes.yaxis.set_major_formatter(lambda x, _: f"{100 * x:.0f} %")
     for k, way in enumerate(WAYS):
         own = [row for row in rows if row["method"] == way]
@@ -84,11 +84,6 @@ def draw(results: Results) -> Figure:
         scatter(axes, x, y, way, k + len(METHODS), joined=True, notes=notes)
     legend(figure, columns=3)
     return figure
-
-
-def ends(notes: list[str]) -> list[str]:
-    """The first note and the last: those between follow."""
-    return [note if k in (0, len(notes) - 1) else "" for k, note in enumerate(notes)]
 
 
 def _drapes(quick: bool) -> list[dict]:
