@@ -1,4 +1,8 @@
-"""What `drapeplan tune` does."""
+"""What `drapeplan tune` does.
+
+Where a scene leaves its sequence to a search, candidates are ranked first and the best
+one's path is tuned: order first, path second, as the paper has it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from drapeplan.cell import check_placement, read_sources
+from drapeplan.cell import build_cell, check_placement, read_sources
 from drapeplan.commands_plan import inputs_of, naming
 from drapeplan.console import show_progress
 from drapeplan.engine import Engine
@@ -18,8 +22,10 @@ from drapeplan.errors import InputError
 from drapeplan.files import check_outputs
 from drapeplan.mold_features import mold_features
 from drapeplan.plan import document_hash
-from drapeplan.plan_file import MOST_SAMPLES
+from drapeplan.plan_file import MOST_SAMPLES, CandidatesBlock
 from drapeplan.planner import cup_targets
+from drapeplan.ranking import rank_scene
+from drapeplan.ranking_words import taken
 from drapeplan.rollout_file import RolloutFile
 from drapeplan.scene import Scene, read_scene
 from drapeplan.scene_text import write_scene_like
@@ -89,6 +95,10 @@ def tune_command(
     _check_options(read, scene, wanted, workforce)
     with naming(scene):
         sources = read_sources(read, scene.parent)
+        read = build_cell(read, sources).scene  # its path known in all keys
+    block = None
+    if read.sequence == "auto":
+        read, block = _ranked(read, scene, workforce, as_json)
     seed = read.seed if wanted.seed is None else wanted.seed
     searched = wanted.search or read.fidelity
     trials = Trials(read, sources, seed, searched)
@@ -118,18 +128,25 @@ def tune_command(
             told = f"stopped: --resume goes on from {wanted.rollouts}"
             print(told, file=sys.stderr)
             raise
-    path = found.after.path.model_dump(mode="json", exclude_defaults=True)
-    sections: dict[str, Any] = {"path": {"family": found.after.path.family, **path}}
+    sections: dict[str, Any] = {}
     if found.changed:
+        path = found.after.path
+        plain = path.model_dump(mode="json", exclude_defaults=True)
+        sections["path"] = {"family": path.family, **plain}
         sections["tuned"] = gain(found).model_dump()
-    kept = write_scene_like(wanted.output, scene, sections)
     lines = tuning_lines(found, space, learned)
+    if block:
+        order = read.model_dump(mode="json", exclude_defaults=True)["sequence"]
+        sections["sequence"] = order
+        lines.insert(0, taken(block))
+    kept = write_scene_like(wanted.output, scene, sections)
     if not kept:
         lines.append(f"comments of {scene} are not in {wanted.output}")
     written = [str(wanted.output), str(wanted.rollouts)]
     good = bool(found.after.plan["good"])
     if as_json:
         facts = {"good": good, "written": written, **tuning_document(found, space)}
+        facts |= {"sequence": sections["sequence"]} if block else {}
         print(json.dumps(facts))
     else:
         print(*lines, *(f"wrote {name}" for name in written), sep="\n")
@@ -153,16 +170,24 @@ def _check_options(
     if wanted.search not in (None, "equilibrium", "kinematic"):
         problem = f"no fidelity is called {wanted.search!r}"
         raise InputError("--search", "", problem, "equilibrium, kinematic")
-    if read.sequence == "auto":
-        problem = "auto is searched by plan and rank alone"
-        raise InputError(str(scene), "sequence", problem, "name what rank shows")
-    if read.sequence.steps and read.path.family == "rectangle_blend":
+    given = read.sequence != "auto" and read.sequence.steps
+    if given and read.path.family == "rectangle_blend":
         problem = "steps given freely are pressed down from a hover"
         raise InputError(str(scene), "path.family", problem, "say hover to tune it")
     if wanted.rollouts.exists() and not wanted.resume:
         problem = "is there already, with its simulations"
         remedy = "add --resume to go on from it, or name another file"
         raise InputError(str(wanted.rollouts), "", problem, remedy)
+
+
+def _ranked(
+    read: Scene, scene: Path, workforce: Workforce, as_json: bool
+) -> tuple[Scene, CandidatesBlock]:
+    """The scene with the best of the sequences that make sense, and all of them."""
+    engine = Engine(workforce.workers, workforce.cluster)
+    with naming(scene), show_progress(as_json) as progress:
+        found = rank_scene(read, scene.parent, str(scene), engine, progress=progress)
+    return found.best.applied(read), found.block()
 
 
 def _proposer(

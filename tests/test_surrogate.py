@@ -7,12 +7,12 @@ from drapeplan.errors import InputError
 from drapeplan.surrogate import CAP, fit_surrogate, proposal, table_of, trial_margins
 from drapeplan.tuning_space import Space
 from tests.plans import scene
-from tests.toys import BEST, Toy
+from tests.toys import BEST, PATH, Toy
 
 
 def rows_of(count, noise=True):
     """Rows of a toy on random paths."""
-    toy = Toy(scene(fidelity="kinematic"))
+    toy = Toy(scene(fidelity="kinematic", path=PATH))
     space = Space(toy.scene, rest=False)
     rows = []
     for trial, point in enumerate(np.random.default_rng(0).random((count, 4))):

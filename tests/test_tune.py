@@ -1,6 +1,7 @@
 """Tuning: the same answer whoever works, whoever dies, wherever it was stopped."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,14 @@ import yaml
 
 from drapeplan.engine import Engine
 from drapeplan.errors import InputError
+from drapeplan.ranking import rank_scene
 from drapeplan.rollout_file import RolloutFile, read_rollouts
 from drapeplan.scene import read_scene
 from drapeplan.tune import Effort, Finalist, Judged, Tuner, choose, space_of
 from drapeplan.tuned import path_hash
 from tests.plans import scene
 from tests.settled import DOME, tool_section
-from tests.toys import BEST, COUNT, Counted, Interrupted, Toy
+from tests.toys import BEST, COUNT, PATH, Counted, Interrupted, Toy
 
 EFFORT = Effort(budget=40, samples=4, confirmed=6)
 TRIALS = 1 + 2 + 32  # the scene's own, known ones that are others, generations of 8
@@ -23,7 +25,7 @@ ROWS = TRIALS * 5 + 3 * 65 + 2 * 7  # finalists and the last two, plans among th
 
 
 def toy(kind=Toy, **fields):
-    return kind(scene(DOME, fidelity="kinematic"), **fields)
+    return kind(scene(DOME, fidelity="kinematic", path=PATH), **fields)
 
 
 def tuner(trials, engine, path, resume=False, progress=None):
@@ -213,6 +215,9 @@ path:
   family: rectangle_blend
   poses_per_step: 4
   lift_per_m: 0.5  # a guess
+  bend_mm: 120
+  rim_offset_mm: 0
+  toe_up_deg: 2
 uncertainty: {{position_mm: 1.0, angle_deg: 1.5}}  # a bad day
 """
     path = folder / "scene.yaml"
@@ -246,3 +251,21 @@ def test_command(drapeplan, small_scene, tmp_path, monkeypatch):
     resumed = drapeplan(*command, "--workers", 2, "--resume", "--json")
     assert resumed.document == found
     assert file.read_bytes() == before
+
+
+def test_a_sequence_left_to_a_search_is_ranked_first(drapeplan, tmp_path, monkeypatch):
+    monkeypatch.setattr("drapeplan.tune.RANKED", 2)
+    quick = partial(rank_scene, samples=2, few=1)
+    monkeypatch.setattr("drapeplan.commands_tune.rank_scene", quick)
+    data = {"format": "drapeplan-scene/1", "sequence": "auto"}
+    data |= {"mold": {"surface": {"kind": "cylinder", "radius_m": 2.0}}}
+    data |= {"tool": tool_section(tmp_path, rows=2, columns=2)}
+    data |= {"fidelity": "kinematic", "path": {**PATH, "poses_per_step": 3}}
+    scene, output = tmp_path / "scene.yaml", tmp_path / "tuned.yaml"
+    scene.write_text(yaml.safe_dump(data), encoding="utf-8")
+    options = ("--budget", 1, "--samples", 2, "--held-out", 2, "--workers", 1)
+    command = ("tune", scene, "-o", output, "--rollouts", tmp_path / "r.parquet")
+    ended = drapeplan(*command, *options)
+    assert ended.code in (0, 1), ended.err
+    order = read_scene(output).sequence
+    assert f": start {list(order.start)}, {order.pattern} (" in ended.out

@@ -8,10 +8,11 @@ from numpy.testing import assert_allclose
 
 from drapeplan.tuning_space import KNOBS, Space
 from tests.plans import scene
+from tests.toys import PATH
 
 ROUNDED = 1e-3  # [-] of the box: values have four digits
 PATHS = {
-    "rectangle_blend": {"family": "rectangle_blend", "poses_per_step": 5},
+    "rectangle_blend": {**PATH, "poses_per_step": 5},
     "radial": {"family": "radial"},
     "hover": {"family": "hover", "arrival": "shaped"},
 }
@@ -30,6 +31,16 @@ def test_points_come_back(family, data):
     assert space.path(space.point(path)) == path
 
 
+@pytest.mark.parametrize("family", PATHS)
+@pytest.mark.parametrize("rest", [True, False])
+def test_known_paths_are_of_the_family_and_in_the_box(family, rest):
+    space = Space(scene(path=PATHS[family]), rest)
+    points = np.array([space.point(path) for path in space.known()])
+    assert points.shape[1] == len(space.knobs)
+    assert len(np.unique(points, axis=0)) == len(points)
+    assert ((points >= 0) & (points <= 1)).all()
+
+
 def test_what_is_not_tuned_stays():
     space = Space(scene(path=PATHS["rectangle_blend"]), rest=True)
     assert space.path(np.full(5, 0.5)).poses_per_step == 5
@@ -42,7 +53,7 @@ def test_lean_shows_at_rest_alone():
 
 
 def test_one_lift_is_both():
-    space = Space(scene(path={"family": "rectangle_blend", "lift_per_m": 0.5}), True)
+    space = Space(scene(path={**PATH, "lift_per_m": 0.5}), True)
     values = space.values(space.base)
     assert values["lift_s_per_m"] == values["lift_t_per_m"] == 0.5
 

@@ -10,6 +10,8 @@ import numpy as np
 from drapeplan.scene import Scene
 from drapeplan.tuning_space import Space
 
+PATH = {"family": "rectangle_blend", "lift_per_m": 0.6, "bend_mm": 120.0}
+PATH |= {"rim_offset_mm": 0.0, "toe_up_deg": 2.0}  # all that can be tuned
 BEST = 0.7  # of every parameter, in the unit box: where the margin is largest
 
 
