@@ -1,131 +1,136 @@
-"""Tuning: throughput of the engine, rollouts a second, and what is gained on scenes."""
+"""What tuning gains: P(wrong order) before and after, on samples that chose nothing.
+
+The scenes of the robustness benchmark on which the order is at risk, and examples; each
+is tuned by the command itself, with its defaults, and written as soon as it is done.
+The simulations stay in build/tune, one file a scene: what a surrogate learns from is
+what somebody who tunes has.
+"""
 
 import json
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
 
-from benchmarks.front import planned, rollouts, settled_rollouts
+from benchmarks.charts.results import made_with
 from benchmarks.robustness import SCENES
-from drapeplan.cell import read_sources
-from drapeplan.engine import Engine
-from drapeplan.noise import Spread, draw
-from drapeplan.planner import make_plan
-from drapeplan.robustness import make_course
-from drapeplan.rolling import Course, roll
-from drapeplan.scene import Scene, scene_from
-from drapeplan.trial import Question, Trials
+from drapeplan.errors import InputError
+from drapeplan.files import write_text
+from drapeplan.intervals import share_interval
+from drapeplan.rollout_file import read_rollouts
+from drapeplan.surrogate import fit_surrogate
 
-TUNED = ("saddle (-1.5, 1.8)", "KinDrape 0.3 x 1.0 m", "ridge", "step")
-EFFORT = {"budget": 64, "samples": 16, "held-out": 200}
+ROOT = Path(__file__).parent.parent
+RESULTS = Path(__file__).parent / "results" / "tune.json"
+ROLLOUTS = ROOT / "build" / "tune"
+SHIPPED = ("panel", "saddle", "kindrape")  # of examples/
+AT_RISK = (
+    "saddle (-1.5, 1.8)",
+    "saddle (-1, 2)",
+    "KinDrape 0.3 x 1.0 m",
+    "ridge",
+    "step",
+    "concave R = -1",
+)
+NAMES = (*SHIPPED, *AT_RISK)  # that can be asked for
 QUICK = {"budget": 8, "samples": 4, "held-out": 20}
-PACES = {"one sample": 1e-9, "0.2 s": 0.2, "1 s": 1.0}  # of a batch
-SAMPLES = 256
-WORKERS = (1, 2)
+WORKERS = 2
 
 
-class Timed:
-    """Samples of a plan, each with the time that it took."""
-
-    def __init__(self, course: Course, spread: Spread) -> None:
-        """Take what all samples share."""
-        self.course, self.spread = course, spread
-
-    def __call__(self, index: int) -> float:
-        """Seconds of a sample."""
-        start = time.perf_counter()
-        poses, cups = self.course.rests.fixed.shape
-        roll(self.course, draw(0, index, cups, poses), self.spread)
-        return time.perf_counter() - start
-
-
-def run(quick: bool) -> dict:
-    """Engine, trials, rollouts, scenes."""
-    case, repeats = planned(), 2 if quick else 20
-    result: dict[str, Any] = {"cores": os.cpu_count(), "load": os.getloadavg()[0]}
-    result |= rollouts(case, repeats) | settled_rollouts(case, repeats)
-    result["engine"] = engine_rows(32 if quick else SAMPLES)
-    result["trial"] = trial_rows()
-    names = TUNED[:1] if quick else TUNED
-    result["scenes"] = {name: gain(name, QUICK if quick else EFFORT) for name in names}
+def run(quick: bool, names: Sequence[str] = NAMES) -> dict:
+    """Gain by scene; quick: a few simulations of the first, which are not kept."""
+    result: dict = {}
+    for name in names[:1] if quick else names:
+        found = result[name] = tuned(name, QUICK if quick else {})
+        if not quick:
+            keep(name, found)
+        print(name, json.dumps(found), file=sys.stderr)
+    result["one surrogate of all these"] = learned([*map(rollouts, result)])
     return result
 
 
-def engine_rows(samples: int) -> dict[str, Any]:
-    """Samples a second by workers and size of batches, and what is not work."""
-    read = scene("convex (1, 2)", fidelity="kinematic")
-    spread = Spread.of(read.uncertainty)
-    course = make_course(make_plan(read, Path(), "benchmark").plan, spread)
-    task = Timed(course, spread)
-    rows: dict[str, Any] = {}
-    for workers in WORKERS:
-        for label, pace in PACES.items():
-            with Engine(workers, pace=pace) as engine:
-                engine.map(task, range(2 * workers))  # processes and kernels are there
-                batches: list[int] = []
-                start = time.perf_counter()
-                took = engine.map(
-                    task, range(samples), lambda k, _, b=batches: b.append(len(k))
-                )
-                wall = time.perf_counter() - start
-            rows[f"{workers} at work, batches of {label}"] = {
-                "samples_per_s": samples / wall,
-                "largest_batch": max(batches),
-                "overhead_share": 1 - sum(took) / (wall * workers),
-            }
-    return rows
-
-
-def trial_rows() -> dict[str, float]:
-    """Processor seconds of a path with 16 samples, by fidelity."""
-    read = scene("saddle (-1.5, 1.8)")
-    sources = read_sources(read, Path())
-    rows = {}
-    for fidelity in ("kinematic", "equilibrium"):
-        trials = Trials(read, sources, 0, fidelity)
-        trials(Question(read.path, (0,), "search"))
-        path = read.path.model_copy(update={"bend_mm": 130.0})
-        for count in (1, 16):
-            start = time.process_time()
-            trials(Question(path, tuple(range(count)), "search"))
-            rows[f"{fidelity}_{count}_s"] = time.process_time() - start
-            path = read.path.model_copy(update={"bend_mm": 125.0})
-    return rows
-
-
-def gain(name: str, effort: dict[str, int], workers: int = 2) -> dict[str, Any]:
-    """P before and after tuning a scene, by the command itself."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "scene.yaml"
-        data = scene(name).model_dump(mode="json", exclude_defaults=True)
-        file.write_text(yaml.safe_dump({"format": "drapeplan-scene/1", **data}))
-        command = [sys.executable, "-m", "drapeplan", "tune", str(file), "--json"]
-        command += ["-o", f"{folder}/tuned.yaml", "--workers", str(workers)]
-        command += ["--rollouts", f"{folder}/rollouts.parquet"]
-        command += [x for k, v in effort.items() for x in (f"--{k}", str(v))]
-        start = time.perf_counter()
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
-        wall = time.perf_counter() - start
+def tuned(name: str, effort: dict[str, int]) -> dict[str, Any]:
+    """A scene before and after tuning; time, and the machine's load."""
+    ROLLOUTS.mkdir(parents=True, exist_ok=True)
+    file, scene = rollouts(name), scene_file(name)
+    file.unlink(missing_ok=True)
+    command = [sys.executable, "-m", "drapeplan", "tune", str(scene), "--json"]
+    command += ["-o", str(file.with_suffix(".yaml")), "--rollouts", str(file)]
+    command += ["--workers", str(WORKERS)]
+    command += [x for k, v in effort.items() for x in (f"--{k}", str(v))]
+    start = time.perf_counter()
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    row: dict[str, Any] = {
+        "wall_s": round(time.perf_counter() - start, 1),
+        "workers": WORKERS,
+        "load": round(os.getloadavg()[0], 1),
+        "made": made_with(quick=bool(effort)),
+    }
     if ended.returncode not in (0, 1):
-        return {"failed": ended.stderr}
+        return row | {"failed": ended.stderr}
     found = json.loads(ended.stdout)
     if "gain" not in found:
-        return {"refused": found["error"], "wall_s": wall}
-    chosen = next(one for one in found["finalists"] if one["chosen"])
-    row = {**found["gain"], "taken": chosen["name"], "wall_s": wall}
-    row |= {"trials": found["trials"], "set": chosen["path"]}
-    print(name, json.dumps(row), file=sys.stderr)
-    return row
+        return row | {"refused": found["error"]}
+    gain, chosen = found["gain"], next(f for f in found["finalists"] if f["chosen"])
+    row |= {k: counted(gain[k], gain["samples"]) for k in ("before", "after")}
+    row |= {"taken": chosen["name"], "path": chosen["path"], "trials": found["trials"]}
+    return row | {"finalists": found["finalists"], "surrogate": learned([file])}
 
 
-def scene(name: str, **sections: Any) -> Scene:
-    """A scene of the robustness benchmark, with the rigid tool."""
+def counted(found: dict[str, Any], samples: int) -> dict[str, Any]:
+    """Share in the wrong order with its interval; none where there is no plan."""
+    if found["wrong"] is None:
+        return found
+    low, high = (round(end, 4) for end in share_interval(found["wrong"], samples))
+    share = {"P": found["wrong"] / samples, "low": low, "high": high}
+    return found | share | {"samples": samples}
+
+
+def learned(files: list[Path]) -> dict[str, Any]:
+    """How well a surrogate knows margins of trials held out, beside their mean."""
+    tables = [read_rollouts(file)[1] for file in files if file.exists()]
+    try:
+        found = fit_surrogate([row for table in tables for row in table.to_pylist()])
+    except InputError as error:
+        return {"refused": str(error)}
+    return {"error_mm": round(found.error, 4), "naive_mm": round(found.naive, 4)}
+
+
+def rollouts(name: str) -> Path:
+    """File of a scene's simulations."""
+    kept = "".join(c if c.isalnum() or c in ".-" else "_" for c in name)
+    return ROLLOUTS / f"{kept}.parquet"
+
+
+def scene_file(name: str) -> Path:
+    """A scene's file; those that are no example are written, with the rigid tool."""
+    if name in SHIPPED:
+        return ROOT / "examples" / f"{name}.yaml"
     surface, take_up = SCENES[name]
     data = {"format": "drapeplan-scene/1", "mold": {"surface": surface}}
-    return scene_from({**data, "ply": {"take_up_mm": take_up}, **sections}, name)
+    file = rollouts(name).with_suffix(".scene.yaml")
+    file.write_text(yaml.safe_dump(data | {"ply": {"take_up_mm": take_up}}))
+    return file
+
+
+def keep(name: str, found: dict) -> None:
+    """Put a scene's results among those of the others, in their order."""
+    every = kept() | {name: found}
+    ordered = {key: every[key] for key in NAMES if key in every}
+    write_text(RESULTS, json.dumps(ordered, indent=1, allow_nan=False) + "\n")
+
+
+def kept() -> dict[str, dict]:
+    """What was written last, by scene."""
+    return json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+
+
+if __name__ == "__main__":
+    if unknown := set(sys.argv[1:]) - set(NAMES):
+        sys.exit(f"no scene is called {unknown.pop()}: {', '.join(NAMES)}")
+    run(False, sys.argv[1:] or NAMES)

@@ -65,7 +65,11 @@ def tune(
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Better the path of a scene by many simulations under its uncertainty."""
+    """Better the path of a scene by many simulations under its uncertainty.
+
+    Its shape is bettered, not its times: the drape is judged at rest. Where the scene
+    leaves its sequence to a search, that is ranked first.
+    """
     from drapeplan.commands_tune import Wanted, Workforce, tune_command
     from drapeplan.tune import Effort
 
