@@ -13,6 +13,7 @@ from drapeplan.errors import InputError
 from drapeplan.frames import pose, rpy
 from drapeplan.mold import HeightGrid, check_size, read_mesh
 from drapeplan.overhang import mold_from_data, mold_of
+from drapeplan.path_choice import chosen_path
 from drapeplan.robot import Robot, arm_description
 from drapeplan.scene import (
     CylinderSurface,
@@ -61,7 +62,7 @@ class Cell:
     """Robot, mold and ply of a scene.
 
     Attributes:
-        scene: The scene.
+        scene: The scene; no key of its path is open any longer.
         sources: What the objects were built from.
         robot: Arm and tool.
         mold: Mold in its own frame: what is seen from above, and distances to it.
@@ -119,11 +120,12 @@ def build_cell(scene: Scene, sources: Sources) -> Cell:
         sampling = PlySampling.regular(cups, step, overhang)
     except PlyError as error:
         raise InputError("scene", "ply.sample_mm", str(error)) from error
+    mold = mold_from_data(sources.mold)
     return Cell(
-        scene,
+        chosen_path(scene, mold, grid)[0],
         sources,
         robot,
-        mold_from_data(sources.mold),
+        mold,
         pose(rpy(np.radians(scene.mold.rotation_deg)), scene.mold.position_m),
         grid,
         sampling,

@@ -1,21 +1,30 @@
-"""Path families: how the ply comes down, and the parameters of each."""
+"""Path families: how the ply comes down, and the parameters of each.
+
+What a scene leaves open of a rectangle blend, or gives as null, is taken from its mold;
+see `path_choice`.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
 from drapeplan.section import Section, Size, Small
 
+T = TypeVar("T")
+OPEN = "; null: taken from the mold"
 TOE = "[deg] by which landing cups lean back, their outer edge up"
 OFFSET = (
     "[mm] from the placed pads' outer rim to where the lift begins; centers at least"
 )
 CIRCLE = "[mm] from the outermost placed center to where the lift begins"
 LIFT = "[1/m] c of c d^2; one number, or one along s and one along t"
+BEND = "[mm] over which the lift curves; straight beyond"
 STEEPEST = 5  # [1/m] lifts a ply by half a meter at its corners, far beyond any use
 Lift = Annotated[float, Field(gt=0, le=STEEPEST)]
+Rim = Annotated[float, Field(ge=-20, le=100)]
+Toe = Annotated[float, Field(ge=0, le=10)]
 
 
 def _one_or_pair(value: Any, checked: ValidatorFunctionWrapHandler) -> Any:
@@ -29,26 +38,35 @@ def _one_or_pair(value: Any, checked: ValidatorFunctionWrapHandler) -> Any:
         ) from error
 
 
-Lifts = Annotated[
-    Lift | tuple[Lift, Lift], WrapValidator(_one_or_pair), Field(description=LIFT)
-]
+Lifts = Annotated[Lift | tuple[Lift, Lift], WrapValidator(_one_or_pair)]
+
+
+def known(value: T | None) -> T:
+    """A key's value, which by now is no longer open.
+
+    Raises:
+        ValueError: It is: `path_choice.chosen_path` was not asked.
+    """
+    if value is None:
+        raise ValueError("a key of the path is open still")
+    return value
 
 
 class FamilySection(Section):
-    """What all families have: how finely cups come down, and how they lean."""
+    """What all families have: how finely cups come down."""
 
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
     last_gap_mm: Small = 0.2
-    toe_up_deg: Annotated[float, Field(ge=0, le=10, description=TOE)] = 2.0
 
 
 class RectangleBlendPath(FamilySection):
     """The lifted surface rolls down on the sides of the placed rectangle."""
 
     family: Literal["rectangle_blend"] = "rectangle_blend"
-    lift_per_m: Lifts = 0.6
-    bend_mm: Size = 120.0
-    rim_offset_mm: Annotated[float, Field(ge=-20, le=100, description=OFFSET)] = 0.0
+    lift_per_m: Annotated[Lifts | None, Field(description=LIFT + OPEN)] = None
+    bend_mm: Annotated[Size | None, Field(description=BEND + OPEN)] = None
+    rim_offset_mm: Annotated[Rim | None, Field(description=OFFSET + OPEN)] = None
+    toe_up_deg: Annotated[Toe | None, Field(description=TOE + OPEN)] = None
 
 
 class RadialPath(FamilySection):
@@ -56,8 +74,9 @@ class RadialPath(FamilySection):
 
     family: Literal["radial"]
     lift_per_m: Lift = 0.6
-    bend_mm: Size = 120.0
+    bend_mm: Annotated[Size, Field(description=BEND)] = 120.0
     front_offset_mm: Annotated[float, Field(ge=0, le=100, description=CIRCLE)] = 10.0
+    toe_up_deg: Annotated[Toe, Field(description=TOE)] = 2.0
 
 
 class HoverPath(FamilySection):
@@ -66,6 +85,7 @@ class HoverPath(FamilySection):
     family: Literal["hover"]
     height_mm: Size = 5.0
     arrival: Literal["flat", "shaped"] = "flat"
+    toe_up_deg: Annotated[Toe, Field(description=TOE)] = 2.0
 
 
 PathSection = Annotated[

@@ -165,6 +165,14 @@ class Plan:
         """
         return self._with("robustness", robustness)
 
+    def rolled(self, path_choice: dict[str, Any]) -> Plan:
+        """The same plan with what its path was chosen by.
+
+        Args:
+            path_choice: As in `plan_file.PathChoiceBlock`.
+        """
+        return self._with("path_choice", path_choice)
+
     def _with(self, key: str, block: dict[str, Any]) -> Plan:
         document = {**self.document, key: block}
         return Plan({**document, "hash": document_hash(document)})

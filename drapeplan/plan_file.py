@@ -34,6 +34,14 @@ anew. The others are taken as given.
 `samples` of 0 stands where a kinematic plan was enough to see that others are better,
 `refused` where no joint positions lay the ply, `low_margin_mm` for the 5 % quantile of
 the samples' margins, at most 3 mm.
+
+`path_choice` is there if the scene left keys of its path to the mold; the plan's
+`scene` has the values that were taken. Curvatures are those of the mold where the ply's
+border lands, positive where it is hollow, of both ends the more hollow one; `wide` is
+the share of the path for hollow borders.
+
+    {"keys": ["lift_per_m", "bend_mm", "rim_offset_mm", "toe_up_deg"],
+     "hollow_s_per_m": 0.65, "hollow_t_per_m": -0.53, "wide": 1.0}
 """
 
 from __future__ import annotations
@@ -48,6 +56,7 @@ MOST_SAMPLES = 100_000  # [-] of a plan under uncertainty: hours of work
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
+OpenKey = Literal["lift_per_m", "bend_mm", "rim_offset_mm", "toe_up_deg"]
 Quantiles = dict[Literal["5", "50", "95"], float | None]
 
 
@@ -189,6 +198,15 @@ class CandidatesBlock(_Strict):
     rows: Annotated[list[CandidateRow], Field(min_length=1)]
 
 
+class PathChoiceBlock(_Strict):
+    """Keys of the path that the scene left to the mold, and what of it decided."""
+
+    keys: Annotated[list[OpenKey], Field(min_length=1)]
+    hollow_s_per_m: float
+    hollow_t_per_m: float
+    wide: Share
+
+
 class Document(_Strict):
     """The file's keys; `scene` and `mold` have readers of their own.
 
@@ -212,3 +230,4 @@ class Document(_Strict):
     verdict: dict[str, Any]
     robustness: RobustnessBlock | None = None
     candidates: CandidatesBlock | None = None
+    path_choice: PathChoiceBlock | None = None

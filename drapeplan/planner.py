@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, Protocol
@@ -21,13 +21,14 @@ from drapeplan.cell import (
 from drapeplan.contact import Contact, judge_contact
 from drapeplan.errors import InfeasibleError
 from drapeplan.explain import words
-from drapeplan.families import HoverPath, RectangleBlendPath
+from drapeplan.families import HoverPath, RectangleBlendPath, known
 from drapeplan.hanging import hang_shift, kinematic_lag, shifted
 from drapeplan.judge import judge
 from drapeplan.motion import Motion, StrokesError, follow
-from drapeplan.net import Net, least_shear_net
+from drapeplan.net import Net
 from drapeplan.overhang import pads_over_edges
 from drapeplan.path import Path, plan_path
+from drapeplan.path_choice import chosen_path, landing_net
 from drapeplan.plan import DIGITS, Plan, make_document
 from drapeplan.scene import Scene
 from drapeplan.sentences import sentences
@@ -101,7 +102,9 @@ def make_plan(
     cell = build_cell(scene, read_sources(scene, folder))
     check_placement(cell, source)
     sequence = make_sequence(scene.sequence, cell.grid.rows, cell.grid.columns, source)
-    return plan_drape(cell, sequence, progress, watch)
+    made = plan_drape(cell, sequence, progress, watch)
+    _, choice = chosen_path(scene, cell.mold, cell.grid)
+    return replace(made, plan=made.plan.rolled(choice.block())) if choice else made
 
 
 def plan_drape(
@@ -122,7 +125,8 @@ def plan_drape(
         InfeasibleError: If the answer is no before all waypoints exist.
     """
     tell = progress or (lambda stage, share: None)
-    scene = cell.scene
+    scene, _ = chosen_path(cell.scene, cell.mold, cell.grid)
+    cell = replace(cell, scene=scene)
     tell("net and wave", 0.0)
     asked = make_request(cell, sequence)
     path, wave = asked.path, asked.wave
@@ -198,16 +202,8 @@ def cup_targets(cell: Cell) -> Net:
     Raises:
         InfeasibleError: If there is no such net, or a cup lies beside the mold.
     """
-    grid, place = cell.grid, cell.scene.placement
-    net = least_shear_net(
-        cell.mold,
-        grid.rows,
-        grid.columns,
-        grid.pitch,
-        place.mold_point_m,
-        place.cup,
-        float(np.radians(place.warp_deg)),
-    )
+    grid = cell.grid
+    net = landing_net(cell.scene, cell.mold, grid)
     most = cell.scene.tolerance.laid_bridge_mm * 1e-3
     edges = pads_over_edges(cell.mold, net.xy, grid.half_width, most)
     if edges:
@@ -227,7 +223,7 @@ def request_wave(cell: Cell, targets: Net, sequence: Sequence) -> Wave:
     """Requested cup poses; freely given steps are pressed down from a hover."""
     path = cell.scene.path
     if not sequence.rectangles and isinstance(path, RectangleBlendPath):
-        path = HoverPath(family="hover", toe_up_deg=path.toe_up_deg)
+        path = HoverPath(family="hover", toe_up_deg=known(path.toe_up_deg))
     warp = float(np.radians(cell.scene.placement.warp_deg))
     return plan_wave(cell.mold, targets, cell.grid, sequence, path, warp)
 

@@ -109,7 +109,7 @@ class Judge:
             question: The candidate, the fidelity, and a number of samples or 0.
         """
         candidate, fidelity, samples = question
-        scene = candidate.applied(self.scene)
+        scene = candidate.applied(self.cell.scene)
         scene = scene.model_copy(update={"fidelity": fidelity})
         cell = replace(self.cell, scene=scene)
         rows, columns = cell.grid.rows, cell.grid.columns

@@ -21,6 +21,7 @@ from drapeplan.equilibrium import (
     SettledStatus,
 )
 from drapeplan.errors import InfeasibleError
+from drapeplan.families import known
 from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.lead import DEPTH, StrokeLead, Task
 from drapeplan.legs import STROKE, cup_poses
@@ -122,7 +123,7 @@ class _Walk:
         physics = tool_physics(cell)
         self.tool = Equilibrium(self.robot, physics)
         self.strokes = StrokeLead(Chords(self.robot), physics.longest_fiber)
-        self.toe_up = np.radians(cell.scene.path.toe_up_deg)
+        self.toe_up = np.radians(known(cell.scene.path.toe_up_deg))
         n = len(self.columns)
         placed = np.asarray(path.states == CupState.PLACED)
         last = len(path.phase) - 1 - path.phase[::-1].index("wave")

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath
+from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath, known
 from drapeplan.lift import Fronts, RadialLift, RectangleLift, WeightedSum
 from drapeplan.mold import HeightGrid
 from drapeplan.net import Net, nearest_net
@@ -113,7 +113,7 @@ def _rolled(
     if isinstance(path, RadialPath):
         lifts = _radial_lifts(targets.xy, sequence, path)
     else:
-        rim = max(0.0, grid.half_width + path.rim_offset_mm * 1e-3)
+        rim = max(0.0, grid.half_width + known(path.rim_offset_mm) * 1e-3)
         lifts = _rectangle_lifts(targets.xy, rim, sequence, path, warp)
     log = _Log(grid, targets, sequence)
     lifted = WeightedSum(((1.0, mold), (1.0, lifts[0])))
@@ -133,7 +133,7 @@ def _rectangle_lifts(
     """Lift beyond a rim around each placed rectangle of the target net."""
     center = xy[sequence.index(sequence.start_cup)]
     cos, sin = np.cos(warp), np.sin(warp)
-    c = path.lift_per_m
+    c, bend = known(path.lift_per_m), known(path.bend_mm) * 1e-3
     curvature = c if isinstance(c, tuple) else (c, c)
     lifts: list[AbstractSurface] = []
     for rectangle in sequence.rectangles:
@@ -141,7 +141,7 @@ def _rectangle_lifts(
         s, t = placed @ [cos, sin], placed @ [-sin, cos]
         reach = np.array([-s.min(), s.max(), -t.min(), t.max()])
         fronts = Fronts(center, warp, reach + rim)
-        lifts.append(RectangleLift(fronts, curvature, path.bend_mm * 1e-3))
+        lifts.append(RectangleLift(fronts, curvature, bend))
     return lifts
 
 
