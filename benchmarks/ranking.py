@@ -1,76 +1,83 @@
 """Rank tables of start cups and patterns, and what ranking takes.
 
 The scenes of the robustness benchmark and those of examples/ that leave a choice; the
-tool, path, noise and fidelity are the defaults of a scene.
+tool, path, noise and fidelity are the defaults of a scene. Each scene is written as
+soon as it is done; `python -m benchmarks._choosing` prints docs/choosing.md from them.
 """
 
 import json
 import os
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.charts.results import made_with
 from benchmarks.robustness import SCENES
 from drapeplan.engine import Engine
 from drapeplan.errors import InfeasibleError
-from drapeplan.plan_file import CandidateRow
+from drapeplan.files import write_text
+from drapeplan.plan_file import CandidatesBlock
 from drapeplan.ranking import rank_scene
+from drapeplan.ranking_words import cells
 from drapeplan.scene import Scene, read_scene, scene_from
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
+RESULTS = Path(__file__).parent / "results" / "ranking.json"
 SHIPPED = ("panel", "kindrape", "saddle", "paraboloid", "channel")
-QUICK = ("panel",)
-KEPT = (  # of a row
-    *("start", "pattern", "fidelity", "good", "refused", "not_good", "samples"),
-    *("wrong", "low_margin_mm", "margin_mm", "penetration_mm", "stroke_mm"),
-    *("largest_shear_deg", "take_up_left_mm", "steps", "time_s"),
-)
+NAMES = (*SHIPPED, *SCENES)  # that can be asked for
+WORKERS = 2
 
 
-def run(quick: bool) -> dict:
-    """Tables by scene."""
-    chosen = [name for name in scenes() if not quick or name in QUICK]
-    result: dict = {"aim_s": 60, "workers": 2}
-    for name in chosen:
-        result[name] = ranked(scenes()[name])
+def run(quick: bool, names: Sequence[str] = NAMES) -> dict:
+    """Tables by scene; quick: a few samples of the first, which are not kept."""
+    result: dict = {}
+    for name in names[:1] if quick else names:
+        found = ranked(scene(name), 4 if quick else 64)
+        if not quick:
+            keep(name, found)
+        result[name] = {k: v for k, v in found.items() if k not in ("made", "block")}
+        if "block" in found:
+            result[name]["table"] = table(CandidatesBlock(**found["block"]))
         print(name, json.dumps(result[name]), file=sys.stderr)
     return result
 
 
-def scenes() -> dict[str, Scene]:
-    """Scenes by name."""
-    found = {name: read_scene(EXAMPLES / f"{name}.yaml") for name in SHIPPED}
-    for name, (surface, take_up) in SCENES.items():
-        mold, ply = {"surface": surface}, {"take_up_mm": take_up}
-        data = {"format": "drapeplan-scene/1", "mold": mold, "ply": ply}
-        found[name] = scene_from(data, name)
-    return found
+def scene(name: str) -> Scene:
+    """A scene by its name."""
+    if name in SHIPPED:
+        return read_scene(EXAMPLES / f"{name}.yaml")
+    surface, take_up = SCENES[name]
+    mold, ply = {"surface": surface}, {"take_up_mm": take_up}
+    return scene_from({"format": "drapeplan-scene/1", "mold": mold, "ply": ply}, name)
 
 
-def ranked(scene: Scene) -> dict:
-    """Table of a scene, the best first; time, and the machine's load during it."""
+def ranked(read: Scene, samples: int) -> dict:
+    """Candidates of a scene as a plan keeps them; time, and the machine's load."""
     start = time.perf_counter()
+    found: dict = {"made": made_with(quick=False)}
     try:
-        found = rank_scene(scene, EXAMPLES, "scene", engine=Engine(2))
+        ranking = rank_scene(read, EXAMPLES, "scene", Engine(WORKERS), samples)
+        found["block"] = ranking.block().model_dump(mode="json")
     except InfeasibleError as error:
-        return {"refused": str(error)}
-    rows = [one.row for one in found.ranked]
-    return {
-        "wall_s": round(time.perf_counter() - start, 1),
-        "load": round(os.getloadavg()[0], 1),
-        "closely": sum(row.samples > 0 for row in rows),
-        "good": sum(row.good for row in rows),
-        "table": [_line(row) for row in rows],
-        "rows": {str(k + 1): _figures(row) for k, row in enumerate(rows)},
-    }
+        found["refused"] = str(error)
+    wall = round(time.perf_counter() - start, 1)
+    load = round(os.getloadavg()[0], 1)
+    return {"wall_s": wall, "workers": WORKERS, "load": load, **found}
 
 
-def _line(row: CandidateRow) -> str:
-    chance = f"P {row.wrong_share:.2f}" if row.samples else row.fidelity
-    answer = "good" if row.good else row.refused or ", ".join(row.not_good)
-    return f"{list(row.start)} {row.pattern}: {chance}, {answer}"
+def keep(name: str, found: dict) -> None:
+    """Put a scene's results among those of the others, in their order."""
+    every = kept() | {name: found}
+    ordered = {key: every[key] for key in NAMES if key in every}
+    write_text(RESULTS, json.dumps(ordered, indent=1, allow_nan=False) + "\n")
 
 
-def _figures(row: CandidateRow) -> dict:
-    values = row.model_dump(mode="json")
-    return {key: values[key] for key in KEPT}
+def kept() -> dict[str, dict]:
+    """What was written last, by scene."""
+    return json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+
+
+def table(block: CandidatesBlock) -> list[str]:
+    """The candidates in lines, the best first."""
+    return ["  ".join(cells(row)) for row in block.rows]

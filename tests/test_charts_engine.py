@@ -3,6 +3,8 @@
 import time
 from dataclasses import dataclass
 
+import pytest
+
 from benchmarks import charts
 from benchmarks.charts import engine
 from benchmarks.charts.results import read
@@ -26,6 +28,7 @@ def test_two_workers_do_more_and_what_is_no_work_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(engine, "_rates", lambda task, quick: rates)
     files = charts.make("engine", tmp_path, quick=True)
     results = read(tmp_path / "chart-engine")
+    assert results.made["took_s"] >= 0
     (here,) = results.where(method=engine.HERE)
     two = results.where(method=engine.PROCESSES)
     assert here["overhead"] < 0.2
@@ -38,3 +41,19 @@ def test_two_workers_do_more_and_what_is_no_work_is_told(tmp_path, monkeypatch):
     (memory,) = results.where(set="memory")
     assert 20 < memory["peak_MB"] < 4000
     assert engine.DASK in files[-1].read_text()
+
+
+def test_a_chart_that_fails_stops_no_other(tmp_path, monkeypatch, capsys):
+    def make(name, *_):
+        if name == "one":
+            raise RuntimeError("a fault")
+        return [name]
+
+    monkeypatch.setattr(charts, "CHARTS", ("one", "two"))
+    monkeypatch.setattr(charts, "make", make)
+    assert charts.main(["--quick", "-o", str(tmp_path)]) == 1
+    told = capsys.readouterr()
+    assert told.out == "two\n"
+    assert "failed: chart one" in told.err
+    with pytest.raises(RuntimeError, match="a fault"):
+        charts.main(["one", "-o", str(tmp_path)])

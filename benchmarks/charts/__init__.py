@@ -8,6 +8,9 @@ anew from what was measured elsewhere.
 import argparse
 import importlib
 import sys
+import time
+import traceback
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.charts import drawing
@@ -30,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     effort.add_argument("--full", action="store_true", help="all of them: the default")
     effort.add_argument("--redraw", action="store_true", help="from the last figures")
     both = {"nargs": 2, "type": Path, "metavar": ("OLD", "NEW")}
-    text = "two folders of results: 1 if a ratio of times moved by more than 30 %"
+    text = "two folders of results: 1 if a ratio of times moved by more than 30 %%"
     effort.add_argument("--compare", **both, help=text)
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER")
     options = parser.parse_args(arguments)
@@ -39,11 +42,21 @@ def main(arguments: list[str] | None = None) -> int:
     if options.compare:
         return compare(*options.compare, options.names or CHARTS)
     folder = options.output or (TRIED if options.quick else RELEASED)
-    for name in options.names or CHARTS:
-        print(f"chart {name}", file=sys.stderr)
-        files = make(name, folder, options.quick, options.redraw)
-        print(*files, sep="\n")
-    return 0
+    names, failed = options.names or CHARTS, []
+    for name in names:
+        print(f"chart {name}{_lasted(folder / f'chart-{name}')}", file=sys.stderr)
+        try:
+            files = make(name, folder, options.quick, options.redraw)
+        except Exception:
+            if len(names) == 1:
+                raise
+            traceback.print_exc()  # the others are worth drawing
+            failed.append(name)
+        else:
+            print(*files, sep="\n")
+    for name in failed:
+        print(f"failed: chart {name}", file=sys.stderr)
+    return 1 if failed else 0
 
 
 def make(name: str, folder: Path, quick: bool, redraw: bool = False) -> list[Path]:
@@ -52,5 +65,14 @@ def make(name: str, folder: Path, quick: bool, redraw: bool = False) -> list[Pat
     stem = folder / f"chart-{name}"
     files = []
     if not redraw:
-        files = chart.measure(quick).write(stem)
+        start = time.perf_counter()
+        found = chart.measure(quick)
+        took = round(time.perf_counter() - start)
+        files = replace(found, made=found.made | {"took_s": took}).write(stem)
     return files + drawing.save(chart.draw, read(stem), stem)
+
+
+def _lasted(stem: Path) -> str:
+    """How long a chart took the last time, where that is known."""
+    known = stem.with_suffix(".json").exists() and read(stem).made.get("took_s")
+    return f", {known} s the last time" if known else ""
