@@ -42,7 +42,7 @@ def tune(
         Path, typer.Option(help="File of all simulations to write (Parquet).")
     ],
     budget: Annotated[int, typer.Option(help="Paths that the search tries.")] = 64,
-    samples: Annotated[int, typer.Option(help="Random samples of each.")] = 16,
+    samples: Annotated[int, typer.Option(help="Random samples of each.")] = 32,
     held_out: Annotated[int, typer.Option(help="Samples that tell the gain.")] = 200,
     search: Annotated[
         str | None,

@@ -64,7 +64,7 @@ class Effort:
     """
 
     budget: int = 64
-    samples: int = 16
+    samples: int = 32
     confirmed: int = 200
 
 
