@@ -17,17 +17,17 @@ has a price.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from drapeplan.closures import Chords
 from drapeplan.frames import rotation_vectors
 from drapeplan.legs import cross
-from drapeplan.qp import QpSolver, QuadraticProgram
+from drapeplan.qp import QpSolution, QpSolver, QuadraticProgram
 from ply.fiber import natural_length
 from ply.rates import EndRates, Ends, natural_length_rates
 
@@ -46,6 +46,8 @@ PRICES = np.array([1e3, 25.0])  # [-] of a squared mm of stretch, and of depth b
 FIRM = 10.0  # [-] by which stretch costs more where that may end it
 MOST = 1e3  # [mm] more than any fiber is stretched, or any sample deep
 NEAR = 1.5e-3  # [m] fibers with less slack than this are watched
+MANY = 400  # [-] rows; fewer are handed to the solver all at once
+CLOSE, OPEN = 0.05, 1e-4  # [mm] rows that may bind; rows that do not hold
 LONGEST = 20e-3  # [m] longest change of one stroke in one correction
 
 
@@ -150,9 +152,28 @@ class StrokeLead:
             np.append(MILLI * lower, [0.0, 0.0]),
             np.append(MILLI * upper, [MOST, MOST]),
         )
-        solution = self.solver.solve(program)
+        solution = self._solved(program)
         x = solution.x[:size] / MILLI if solution.found else np.zeros(size)
         return np.clip(x, lower, upper)  # solvers pass bounds by their tolerance
+
+    def _solved(self, program: QuadraticProgram) -> QpSolution:
+        """Solution of the program; of many rows only those that may bind are handed on.
+
+        They are chosen where the strokes would go without rows, and those that then do
+        not hold are added until all hold: the minimum is that of all rows.
+        """
+        if len(program.h) <= MANY:
+            return self.solver.solve(program)
+        free = np.linalg.solve(program.H.toarray(), -program.c)
+        G, h = program.G.tocsr(), program.h
+        taken = G @ np.clip(free, program.lower, program.upper) > h - CLOSE
+        while True:
+            part = replace(program, G=csc_matrix(G[taken]), h=h[taken])
+            solution = self.solver.solve(part)
+            missed = (G @ solution.x > h + OPEN) & ~taken
+            if not missed.any():
+                return solution
+            taken |= missed
 
     def _fibers(
         self, poses: tuple[Array, Array], response: Response
@@ -160,26 +181,15 @@ class StrokeLead:
         """Natural lengths of nearly taut fibers: they may grow to the longest."""
         ends, tangents, natural = self._lengths(poses)
         near = natural > self.longest_fiber - NEAR
-        ends, tangents = ends[near], tangents[near]
         pairs = self.chords.pairs[near]
-        arms = ends - poses[0][pairs]
-        both = response.position, response.rotation
-        moves = [np.swapaxes(x[pairs], -1, -2) for x in both]  # (m, 2, n_free, 3)
-        ends_move = moves[0] + cross(moves[1], arms[:, :, None])
-        leans = cross(moves[1], tangents[:, :, None])
-        chord = ends[:, 1] - ends[:, 0]
-        none = np.zeros_like(chord)
-        rates = natural_length_rates(
-            Ends(chord, tangents[:, 0], tangents[:, 1], none, natural[near]),
-            EndRates(
-                none[:, None],
-                ends_move[:, 1] - ends_move[:, 0],
-                leans[:, 0],
-                leans[:, 1],
-                none[:, None],
-                np.zeros((len(chord), 1)),
-            ),
-        )
+        arms = ends[near] - poses[0][pairs]
+        gradient = _gradient(arms, ends[near], tangents[near], natural[near])
+        places = (6 * pairs[..., None] + np.arange(6)).ravel()
+        starts = 12 * np.arange(len(pairs) + 1)
+        moves = np.concatenate([response.position, response.rotation], axis=1)
+        size = len(moves) * 6
+        rows = csr_matrix((gradient.ravel(), places, starts), (len(pairs), size))
+        rates: Array = rows @ moves.reshape(size, -1)
         return rates, self.longest_fiber - RESERVE - natural[near]
 
     def _lengths(self, poses: tuple[Array, Array]) -> tuple[Array, Array, Array]:
@@ -196,6 +206,36 @@ class StrokeLead:
             poses: Cup positions, shape (n, 3), in [m], and rotations.
         """
         return float(self._lengths(poses)[2].max() - self.longest_fiber)
+
+
+def _gradient(arms: Array, ends: Array, tangents: Array, natural: Array) -> Array:
+    """Natural lengths by what their cups do, shape (m, 2, 6), in [m/m] and [m/rad].
+
+    Args:
+        arms: From each cup to its end of the fiber, shape (m, 2, 3), in [m].
+        ends: Ends of the fibers, shape (m, 2, 3), in [m].
+        tangents: Directions there, shape (m, 2, 3).
+        natural: The lengths, shape (m,), in [m].
+    """
+    m, unit = len(arms), np.eye(3)
+    shift = np.broadcast_to(unit, (m, 2, 3, 3)), cross(unit, arms[:, :, None])
+    moves = np.concatenate(shift, axis=2)  # of the ends, by six motions of their cups
+    turns = np.zeros((m, 2, 6, 3))
+    turns[:, :, 3:] = cross(unit, tangents[:, :, None])
+    still, none = np.zeros((m, 6, 3)), np.zeros((m, 3))
+    chord = ends[:, 1] - ends[:, 0]
+    rates = natural_length_rates(
+        Ends(chord, tangents[:, 0], tangents[:, 1], none, natural),
+        EndRates(
+            none[:, None],
+            np.concatenate([-moves[:, 0], moves[:, 1]], axis=1),
+            np.concatenate([turns[:, 0], still], axis=1),
+            np.concatenate([still, turns[:, 1]], axis=1),
+            none[:, None],
+            np.zeros((m, 1)),
+        ),
+    )
+    return rates.reshape(m, 2, 6)
 
 
 def _objective(

@@ -4,10 +4,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
 
+import drapeplan.lead
 from drapeplan.closures import Chords
-from drapeplan.lead import KEEP, LONGEST, RESERVE, SINK, TILT_LEVER, StrokeLead, Task
+from drapeplan.lead import (
+    KEEP,
+    LONGEST,
+    OPEN,
+    RESERVE,
+    SINK,
+    TILT_LEVER,
+    StrokeLead,
+    Task,
+)
 from drapeplan.legs import rotation
+from drapeplan.qp import QpSolver, QuadraticProgram
 from drapeplan.rings import outward, ring_of
 from drapeplan.robot import Robot, arm_description
 from tests.test_shape import rotations as turns
@@ -195,3 +207,32 @@ def test_strokes_at_their_limits_are_not_passed_at_all(robot, flat):
     response = respond(robot.n_cups, np.flatnonzero(~placed))
     x = corrected(robot, high, work, placed, response, room=(-1e-3, 3e-3))
     assert x.max() == 3e-3
+
+
+def test_many_rows_need_not_all_be_handed_on(robot, monkeypatch):
+    """Rows that may bind give the minimum of all, by far fewer rows."""
+    rng, n = np.random.default_rng(0), 30
+    A, G = rng.normal(size=(n, n)), rng.normal(size=(2000, n))
+    none = csc_matrix((0, n)), np.zeros(0)
+    far = np.abs(rng.normal(size=2000)) + 1.5
+    program = QuadraticProgram(
+        csc_matrix(A.T @ A + np.eye(n)),
+        3 * rng.normal(size=n),
+        csc_matrix(G),
+        far,
+        *none,
+        np.full(n, -20.0),
+        np.full(n, 20.0),
+    )
+    whole = QpSolver(tolerance=1e-9).solve(program)
+    monkeypatch.setattr(drapeplan.lead, "CLOSE", -1e9)  # none is handed on at first
+    lead, sizes = StrokeLead(Chords(robot), SPAN), []
+    lead.solver, solve = QpSolver(tolerance=1e-9), QpSolver.solve
+    monkeypatch.setattr(
+        QpSolver, "solve", lambda s, p: sizes.append(len(p.h)) or solve(s, p)
+    )
+    found = lead._solved(program)
+    assert found.x == pytest.approx(whole.x, abs=OPEN)
+    assert (G @ found.x < far + 2 * OPEN).all()
+    assert (G @ found.x > far - 1e-6).sum() > 1  # some do bind
+    assert sizes[0] == 0 < sizes[-1] < 1000
