@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from drapeplan.frames import rotation_vectors
 from drapeplan.hanging import shifted
 from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
 from drapeplan.path import CupState
-from drapeplan.path_choice import chosen_path, opened
+from drapeplan.path_choice import choice_of
 from drapeplan.plan import Plan, document_hash, source_hashes
 from drapeplan.planner import lag_facts, make_request, net_facts, refill
 from drapeplan.ranking import row_of
@@ -124,11 +124,11 @@ def _differences(plan: Plan) -> Iterator[str]:
     yield from _compare("waypoints.time_s", track.time, time)
     yield from _compare("scene", document["scene"], plan.scene.model_dump(mode="json"))
     if told := document.get("path_choice"):
-        left_open = opened(plan.scene, told["keys"])
-        scene, choice = chosen_path(left_open, plan.cell.mold, plan.cell.grid)
-        yield from _compare("path_choice", told, choice.block() if choice else {})
-        path = scene.path.model_dump(mode="json")
-        yield from _compare("scene.path", document["scene"]["path"], path)
+        choice = choice_of(plan.scene, plan.cell.mold, plan.cell.grid)
+        yield from _compare("path_choice", told, asdict(choice))
+        path = plan.scene.path.model_copy(update=choice.values())
+        made = path.model_dump(mode="json")
+        yield from _compare("scene.path", document["scene"]["path"], made)
     surface = refill(plan.cell)
     if surface is not None:
         yield from _compare("mold", document["mold"], surface)

@@ -10,7 +10,7 @@ from pathlib import Path
 from drapeplan.console import draw_first_touch, show_progress, show_verdict
 from drapeplan.errors import InfeasibleError, InputError
 from drapeplan.files import check_outputs
-from drapeplan.path_choice import choice_line
+from drapeplan.path_choice import PathChoice, choice_line
 from drapeplan.plan import Plan
 from drapeplan.planner import Outcome, Progress, Watch, make_plan
 from drapeplan.ranking import searched
@@ -110,7 +110,7 @@ def planned(
     lag = plan.document["kinematic_lag"]
     lines = summary(plan.verdict, made.contact.front, plan.track, lag)
     if choice := plan.document.get("path_choice"):
-        lines.append(choice_line(choice, plan.document["scene"]["path"]))
+        lines.append(choice_line(PathChoice(**choice)))
     lines += tuned_lines(read)
     if block:
         plan = plan.chosen(block.model_dump(mode="json"))

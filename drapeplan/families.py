@@ -1,7 +1,7 @@
 """Path families: how the ply comes down, and the parameters of each.
 
-What a scene leaves open of a rectangle blend, or gives as null, is taken from its mold;
-see `path_choice`.
+Keys of a rectangle blend that a scene leaves open, or gives as null, are taken from its
+mold if all are; see `path_choice`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapV
 from drapeplan.section import Section, Size, Small
 
 T = TypeVar("T")
-OPEN = "; null: taken from the mold"
+OPEN = "; null: from the mold, or {} if others are stated"
 TOE = "[deg] by which landing cups lean back, their outer edge up"
 OFFSET = (
     "[mm] from the placed pads' outer rim to where the lift begins; centers at least"
@@ -63,10 +63,10 @@ class RectangleBlendPath(FamilySection):
     """The lifted surface rolls down on the sides of the placed rectangle."""
 
     family: Literal["rectangle_blend"] = "rectangle_blend"
-    lift_per_m: Annotated[Lifts | None, Field(description=LIFT + OPEN)] = None
-    bend_mm: Annotated[Size | None, Field(description=BEND + OPEN)] = None
-    rim_offset_mm: Annotated[Rim | None, Field(description=OFFSET + OPEN)] = None
-    toe_up_deg: Annotated[Toe | None, Field(description=TOE + OPEN)] = None
+    lift_per_m: Lifts | None = Field(default=None, description=LIFT + OPEN.format(0.6))
+    bend_mm: Size | None = Field(default=None, description=BEND + OPEN.format(120))
+    rim_offset_mm: Rim | None = Field(default=None, description=OFFSET + OPEN.format(0))
+    toe_up_deg: Toe | None = Field(default=None, description=TOE + OPEN.format(2))
 
 
 class RadialPath(FamilySection):

@@ -4,12 +4,13 @@ Border cups meet a hollow side toe first, for nothing further out lifts their ou
 edge. Where the border lands on a mold that is hollow along one direction alone, the ply
 therefore bends wide and low, from inside the rim, and cups lean back more. Fibers pay
 for that, as they can on saddles and ridges but not in a bowl; see docs/derivations.md,
-D25.
+D25. One by one these keys gain nothing: a scene that states one of them has STEEP for
+the others.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,13 +24,13 @@ from drapeplan.scene import Scene
 from drapeplan.wave import Grid
 
 Array = NDArray[np.float64]
-WORDS = {  # keys that may be left open
+WORDS = {  # keys that may be left open, in the order of the values below
     "lift_per_m": "lift {} per m",
     "bend_mm": "bend {} mm",
     "rim_offset_mm": "rim offset {} mm",
     "toe_up_deg": "toe-up {} deg",
 }
-# Lift along the more hollow direction, lift along the other, bend, rim offset, toe-up:
+# The lift along the more hollow direction comes first, then that along the other.
 STEEP = np.array([0.6, 0.6, 120.0, 0.0, 2.0])
 WIDE = np.array([0.205, 0.475, 325.0, -11.0, 4.44])
 FLAT, HOLLOW = 0.05, 0.2  # [1/m] below which nothing is wide; from which all of it is
@@ -39,43 +40,25 @@ DIGITS = 4  # [-] decimals of what is taken and told
 
 @dataclass(frozen=True)
 class PathChoice:
-    """What was taken from the mold, and by which of its features.
+    """What of the mold decides, and what is taken.
 
     Attributes:
-        keys: Keys of the path that the scene leaves open.
         hollow_s_per_m: Curvature along s where the border lands, positive if hollow:
             of both ends the more hollow one, [1/m].
         hollow_t_per_m: The same along t.
-        wide: Share of the wide path in the one taken, 0 to 1.
+        wide: Share of WIDE in what is taken, the rest being STEEP, 0 to 1.
     """
 
-    keys: tuple[str, ...]
     hollow_s_per_m: float
     hollow_t_per_m: float
     wide: float
 
-    def block(self) -> dict[str, Any]:
-        """The same as plain data, as in `plan_file.PathChoiceBlock`."""
-        return {**asdict(self), "keys": list(self.keys)}
-
     def values(self) -> dict[str, Any]:
-        """The open keys' values, as a scene has them."""
+        """Values of the keys, as a scene has them."""
         mixed = np.round(STEEP + self.wide * (WIDE - STEEP), DIGITS).tolist()
         along_s = self.hollow_s_per_m >= self.hollow_t_per_m
         lift = tuple(mixed[:2] if along_s else mixed[1::-1])
-        every = dict(zip(WORDS, [lift, *mixed[2:]], strict=True))
-        return {key: every[key] for key in self.keys}
-
-
-def opened(scene: Scene, keys: list[str]) -> Scene:
-    """A scene with keys of its path left open again.
-
-    Args:
-        scene: The scene.
-        keys: Those that were left open.
-    """
-    path = scene.path.model_copy(update=dict.fromkeys(keys))
-    return scene.model_copy(update={"path": path})
+        return dict(zip(WORDS, [lift, *mixed[2:]], strict=True))
 
 
 def chosen_path(
@@ -89,18 +72,33 @@ def chosen_path(
         grid: The tool's grid.
 
     Returns:
-        The scene itself and None where it leaves nothing open.
+        The scene itself where it leaves nothing open; None where the mold decides
+        nothing: keys are stated, or steps that no rectangle blend lays.
     """
-    path = scene.path
+    path, order = scene.path, scene.sequence
     if not isinstance(path, RectangleBlendPath):
         return scene, None
-    keys = tuple(key for key in WORDS if getattr(path, key) is None)
+    keys = [key for key in WORDS if getattr(path, key) is None]
     if not keys:
         return scene, None
-    s, t = hollowness(scene, mold, grid)
-    choice = PathChoice(keys, s, t, wideness(s, t))
-    filled = path.model_copy(update=choice.values())
+    choice = None
+    if len(keys) == len(WORDS) and (order == "auto" or not order.steps):
+        choice = choice_of(scene, mold, grid)
+    values = (choice or PathChoice(0.0, 0.0, 0.0)).values()
+    filled = path.model_copy(update={key: values[key] for key in keys})
     return scene.model_copy(update={"path": filled}), choice
+
+
+def choice_of(scene: Scene, mold: HeightGrid, grid: Grid) -> PathChoice:
+    """What a mold decides, whatever the scene states of its path.
+
+    Args:
+        scene: Gives the placement.
+        mold: Its mold.
+        grid: The tool's grid.
+    """
+    s, t = hollowness(scene, mold, grid)
+    return PathChoice(s, t, wideness(s, t))
 
 
 def wideness(s: float, t: float) -> float:
@@ -161,26 +159,25 @@ def landing_net(scene: Scene, mold: HeightGrid, grid: Grid) -> Net:
     )
 
 
-def choice_line(told: dict[str, Any], path: dict[str, Any]) -> str:
+def choice_line(choice: PathChoice) -> str:
     """What was taken from the mold and why, in one sentence.
 
     Args:
-        told: The choice as a plan has it.
-        path: Path section of the plan's scene.
+        choice: The choice.
     """
-    values = [
-        words.format(" / ".join(f"{x:.3g}" for x in np.atleast_1d(path[key])))
-        for key, words in WORDS.items()
-        if key in told["keys"]
-    ]
-    hollow = {along: told[f"hollow_{along}_per_m"] for along in ("s", "t")}
+    hollow = {"s": choice.hollow_s_per_m, "t": choice.hollow_t_per_m}
     ways = [
         f"along {along} (radius {1 / depth:.2g} m)"
         for along, depth in hollow.items()
         if depth > FLAT
     ]
     where = "is hollow " + " and ".join(ways) if ways else "is not hollow"
-    return f"Path by the mold, whose border {where}: {', '.join(values)}."
+    values = choice.values()
+    told = [
+        words.format(" / ".join(f"{x:.3g}" for x in np.atleast_1d(values[key])))
+        for key, words in WORDS.items()
+    ]
+    return f"Path by the mold, whose border {where}: {', '.join(told)}."
 
 
 def _hollow(points: Array, normals: Array, pitch: float) -> float:

@@ -35,13 +35,12 @@ anew. The others are taken as given.
 `refused` where no joint positions lay the ply, `low_margin_mm` for the 5 % quantile of
 the samples' margins, at most 3 mm.
 
-`path_choice` is there if the scene left keys of its path to the mold; the plan's
-`scene` has the values that were taken. Curvatures are those of the mold where the ply's
+`path_choice` is there if the scene left its path to the mold; the plan's `scene` has
+the values that were taken. Curvatures are those of the mold where the ply's
 border lands, positive where it is hollow, of both ends the more hollow one; `wide` is
 the share of the path for hollow borders.
 
-    {"keys": ["lift_per_m", "bend_mm", "rim_offset_mm", "toe_up_deg"],
-     "hollow_s_per_m": 0.65, "hollow_t_per_m": -0.53, "wide": 1.0}
+    {"hollow_s_per_m": 0.65, "hollow_t_per_m": -0.53, "wide": 1.0}
 """
 
 from __future__ import annotations
@@ -56,7 +55,6 @@ MOST_SAMPLES = 100_000  # [-] of a plan under uncertainty: hours of work
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, le=MOST_SAMPLES)]
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
-OpenKey = Literal["lift_per_m", "bend_mm", "rim_offset_mm", "toe_up_deg"]
 Quantiles = dict[Literal["5", "50", "95"], float | None]
 
 
@@ -199,9 +197,8 @@ class CandidatesBlock(_Strict):
 
 
 class PathChoiceBlock(_Strict):
-    """Keys of the path that the scene left to the mold, and what of it decided."""
+    """What of the mold decided on the path; see `path_choice`."""
 
-    keys: Annotated[list[OpenKey], Field(min_length=1)]
     hollow_s_per_m: float
     hollow_t_per_m: float
     wide: Share

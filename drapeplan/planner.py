@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, Protocol
@@ -104,7 +104,7 @@ def make_plan(
     sequence = make_sequence(scene.sequence, cell.grid.rows, cell.grid.columns, source)
     made = plan_drape(cell, sequence, progress, watch)
     _, choice = chosen_path(scene, cell.mold, cell.grid)
-    return replace(made, plan=made.plan.rolled(choice.block())) if choice else made
+    return replace(made, plan=made.plan.rolled(asdict(choice))) if choice else made
 
 
 def plan_drape(

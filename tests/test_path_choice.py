@@ -12,6 +12,7 @@ from drapeplan.families import known
 from drapeplan.path_choice import (
     STEEP,
     WIDE,
+    PathChoice,
     choice_line,
     chosen_path,
     hollowness,
@@ -83,15 +84,22 @@ def test_saddles_roll_wide_and_domes_steep():
     assert [dome.rim_offset_mm, dome.toe_up_deg] == [*STEEP[3:]]
 
 
-def test_what_a_scene_states_stays():
+def test_what_a_scene_states_stays_and_takes_the_rest_from_no_mold():
     stated = {"family": "rectangle_blend", "toe_up_deg": 1.5, "lift_per_m": 0.7}
     read, cell = cell_of(paraboloid(-1.5, 1.8), path=stated)
     filled, choice = chosen_path(read, cell.mold, cell.grid)
     assert filled == cell.scene
-    assert choice.keys == ("bend_mm", "rim_offset_mm")
+    assert choice is None
     assert (filled.path.toe_up_deg, filled.path.lift_per_m) == (1.5, 0.7)
-    assert filled.path.bend_mm == WIDE[2]
+    assert (filled.path.bend_mm, filled.path.rim_offset_mm) == tuple(STEEP[2:4])
     assert chosen_path(filled, cell.mold, cell.grid) == (filled, None)
+
+
+def test_steps_that_are_pressed_down_do_not_lean_more():
+    steps = {"steps": [[[3, 2]]]}
+    read, cell = cell_of(paraboloid(-1.5, 1.8), sequence=steps)
+    assert cell.scene.path.toe_up_deg == STEEP[4]
+    assert chosen_path(read, cell.mold, cell.grid)[1] is None
 
 
 @pytest.mark.parametrize("family", ["radial", "hover"])
@@ -121,11 +129,11 @@ def test_a_plan_tells_what_it_chose(document):
     told, path = document["path_choice"], document["scene"]["path"]
     assert path["toe_up_deg"] == STEEP[4]
     assert told["wide"] == 0
-    line = choice_line(told, path)
-    assert "is not hollow" in line
-    assert "toe-up 2 deg" in line
-    told = {**told, "keys": ["bend_mm"], "hollow_t_per_m": 0.5}
-    assert "is hollow along t (radius 2 m): bend 120 mm." in choice_line(told, path)
+    line = choice_line(PathChoice(**told))
+    assert "is not hollow: lift 0.6 / 0.6 per m, bend 120 mm" in line
+    line = choice_line(PathChoice(-0.1, 0.5, 1.0))
+    assert "is hollow along t (radius 2 m): lift 0.475 / 0.205 per m" in line
+    assert "toe-up 4.44 deg" in line
 
 
 @pytest.mark.parametrize(
