@@ -20,8 +20,9 @@ tool's equilibrium, and judged on 64 samples of its uncertainty; then the next f
 until one is good. Good ones come before others; then P(wrong order) decides, in steps
 of 0.05, the margins, how deep the ply is pressed, strokes, shear, take-up, steps, time.
 
-Rings (`path.family: radial`) are candidates only where the scene names that family,
-because all sides at once beat them in time and in risk wherever they are good:
+Rings (`path.family: radial`) are candidates only where the scene names that family:
+all sides at once take two thirds of the time at the same or less risk, wherever they
+are good:
 
 | from the middle, 64 samples each | rings: time s, wrong | all sides: time s, wrong |
 |---|---|---|

@@ -99,3 +99,8 @@ def test_the_page_shows_what_was_looked_at_closely(kept):
     assert "| 2 | 3, 0 |" in page
     assert "| 3 | 0, 0 | all_sides | no: touch |" in page
     assert "| 0, 1 |" not in page
+
+
+def test_the_page_is_the_one_in_docs():
+    page = (FOLDER.parent / "docs" / "choosing.md").read_text(encoding="utf-8")
+    assert page == _choosing.page()
