@@ -5,7 +5,7 @@ Times are no parameters: the drape is judged at rest, so no margin depends on th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath
+from drapeplan.path_choice import STEEP, WIDE
 from drapeplan.scene import Scene
 
 Array = NDArray[np.float64]
@@ -57,13 +58,14 @@ KNOBS: dict[str, tuple[Knob, ...]] = {
     ),
     "hover": (Knob("height_mm", 2.0, 40.0, log=True), TOE),
 }
-# Paths that have proved themselves, values in the order of the knobs: one for flat and
-# convex molds; one for hollow borders, which bends wide and low from inside the rim.
-KNOWN: dict[str, tuple[tuple[float, ...], ...]] = {
+# Paths that have proved themselves, values in the order of the knobs: that of flat and
+# convex molds, those of hollow borders either way, and one between them.
+KNOWN: dict[str, tuple[Sequence[float], ...]] = {
     "rectangle_blend": (
-        (0.6, 0.6, 120.0, 0.0, 2.0),
-        (0.205, 0.475, 325.0, -11.0, 4.44),
-        (0.475, 0.205, 325.0, -11.0, 4.44),
+        STEEP.tolist(),
+        WIDE.tolist(),
+        [WIDE[1], WIDE[0], *WIDE[2:]],
+        [0.27, 0.36, 400.0, -8.0, 3.0],
     ),
     "radial": ((0.6, 120.0, 10.0, 2.0),),
     "hover": ((5.0, 2.0),),
