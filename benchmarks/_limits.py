@@ -1,12 +1,11 @@
-"""Table of docs/limits.md, from what `benchmarks robustness --json` prints."""
+"""Table of docs/limits.md, from what `benchmarks robustness` keeps."""
 
 import json
 import sys
 from pathlib import Path
 
-from benchmarks.robustness import ACCEPTED, NOISE, SCENES, TOOLS
+from benchmarks.robustness import ACCEPTED, NOISE, RESULTS, SCENES, TOOLS
 
-RESULTS = Path(__file__).parent / "results" / "robustness.json"
 SHORT = dict(zip(TOOLS, ("rigid", "resilient"), strict=True))
 
 
@@ -54,4 +53,4 @@ def _other(row: dict, better: str) -> str:
 if __name__ == "__main__":
     source = Path(sys.argv[1]) if len(sys.argv) > 1 else RESULTS
     found = json.loads(source.read_text(encoding="utf-8"))
-    print(*table(found.get("robustness", found)), sep="\n")
+    print(*table(found), sep="\n")

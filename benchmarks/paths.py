@@ -16,8 +16,17 @@ from drapeplan.plan import Plan
 
 SAMPLES, FEW = 60, 4  # [-] to compare by; when quick
 QUICK = ("flat", "saddle (-1.5, 1.8)")
-VARIANTS: dict[str, dict] = {
-    "default": {},
+VARIANTS: dict[str, dict] = {  # keys that one of them leaves out are the steep path's
+    "from the mold": {},
+    "steep": {"path": {"lift_per_m": 0.6}},
+    "wide along s": {
+        "path": {
+            "lift_per_m": [0.205, 0.475],
+            "bend_mm": 325,
+            "rim_offset_mm": -11,
+            "toe_up_deg": 4.44,
+        }
+    },
     "twice the poses": {"path": {"poses_per_step": 20}},
     "lift 0.35": {"path": {"lift_per_m": 0.35}},
     "lift 1.0": {"path": {"lift_per_m": 1.0}},
