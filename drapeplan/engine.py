@@ -1,11 +1,11 @@
 """Engine: deterministic tasks on processes here or on a cluster, whoever does them.
 
-A task is a function of one item, with all that it needs inside: it travels as a file
-here, with each batch on a cluster, and a worker unpacks it once, however many batches
-it gets; what the task builds on the way stays with it. A batch holds about PACE seconds
-of work, by what the batches before took. Answers stand in the order of their items, so
-neither the number of workers nor the sizes of batches show in them; a batch whose
-worker dies is done again by another.
+A task is a function of one item, with all that it needs inside: it travels once, as a
+file here, as a result that others ask for on a cluster, and a worker unpacks it once,
+however many batches it gets; what the task builds on the way stays with it. A batch
+holds about PACE seconds of work, by what the batches before took. Answers stand in the
+order of their items, so neither the number of workers nor the sizes of batches show in
+them; a batch whose worker dies is done again by another.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import pickle
 import signal
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import (
     ALL_COMPLETED,
@@ -131,10 +132,12 @@ class Engine:
             _Dispatch(self, packed, items, take).run()
         return answers
 
-    def _handed_out(self, packed: bytes) -> bytes | Path:
+    def _handed_out(self, packed: bytes) -> Any:
         """What stands for a task in its batches: a file, if workers can read it."""
         if self._client:
-            return packed
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Sending large graph")  # once
+                return self._client.submit(bytes, packed, pure=False)
         self._folder = self._folder or TemporaryDirectory(prefix="drapeplan-")
         file = Path(self._folder.name) / sha256(packed).hexdigest()
         if not file.exists():
@@ -154,7 +157,7 @@ class _Dispatch:
     """One map at work."""
 
     def __init__(
-        self, engine: Engine, packed: bytes | Path, items: Sequence[Any], take: Told
+        self, engine: Engine, packed: Any, items: Sequence[Any], take: Told
     ) -> None:
         self.engine, self.packed, self.items, self.take = engine, packed, items, take
         self.left = list(range(len(items)))
