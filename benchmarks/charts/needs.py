@@ -5,35 +5,41 @@ Here every cause is put in, or taken out, by force: estimates against what they 
 for. `python -m benchmarks.charts.needs` turns the table into docs/needs.md.
 """
 
+import textwrap
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.charts._drapes import cell_of, drape, example, swapped
+from benchmarks.charts._drapes import cell_of, example, order_of, swapped
+from benchmarks.charts._held import Held, held_as_planned, held_as_requested
 from benchmarks.charts.drawing import GRAY, WIDTH, legend, log_log, scatter
 from benchmarks.charts.results import Results, made_with, read
 from drapeplan import refine
 from drapeplan.cell import Cell, build_cell
 from drapeplan.contact import Contact, judge_contact
-from drapeplan.frames import inverse, moved
-from drapeplan.hanging import kinematic_lag
 from drapeplan.held_ply import CUBIC, PlyModel, held_fibers, held_points
 from drapeplan.legs import Array
-from drapeplan.path import CupState
-from drapeplan.planner import make_track
+from drapeplan.motion import StrokesError
+from drapeplan.planner import make_request
 from drapeplan.ply_choice import PlyChoice
 from drapeplan.ply_coupling import coupled_cells, coupling_estimate
 from drapeplan.sequence import Sequence
-from drapeplan.settling import settle_path
+from drapeplan.settling import UnsettledError
 from ply.measures import measures
 
 SOFT = {"bending_stiffness_Nm": 0.001, "overhang_mm": 35}
+GIVEN = {"start": [3, 2], "pattern": "alternate_sides"}  # in place of a search
 SCENES = {
     "panel": ("panel", {}),
     "saddle": ("saddle", {}),
     "kindrape": ("kindrape", {}),
+    "paraboloid": ("paraboloid", {}),
+    "channel": ("channel", {"sequence": GIVEN}),
+    "far_cup": ("far_cup", {}),
+    "air_pocket": ("air_pocket", {}),
+    "border_first": ("border_first", {}),
     "panel, soft ply": ("panel", {"ply": SOFT}),
 }
 EVERYTHING = 1e-6  # [mm] a tolerance that leaves nothing out
@@ -49,9 +55,11 @@ CAUSES = {
 WHOLE = {
     "everything": "bulges, sag and droop all modeled",
     "rest taken out": "cups where strokes alone would have them",
+    "rest put in": "cups where weight and ply leave them",
     "waypoints alone": "nothing looked at between waypoints",
     "twice as fine": "the ply looked at every 5 mm",
 }
+PAGE = 88  # [-] characters of a line of the page
 LEAST = 1e-4  # [mm] changes below are drawn there
 SHOWN = 3e-3  # [m] margins beyond are all alike
 HEAD = """# What a scene needs
@@ -64,6 +72,9 @@ to 3 mm, and the depths by which spans and pads are pressed in; the largest chan
 counts.
 *Strips hold each other* is no part of a plan's model: its worst patches are solved and
 told. Not in the table, as nothing here models them: friction, play, inertia.
+Scenes that are refused have no plan: what is told of them is that of the requested
+poses, and how the tool would rest is not asked. The channel's start cup and order are
+given here, not searched.
 Printed by `python -m benchmarks.charts.needs` from `chart-needs.json` of
 `benchmarks/results/`.
 """
@@ -79,7 +90,7 @@ def measure(quick: bool) -> Results:
 
 def draw(results: Results) -> Figure:
     """Estimates against what they stand for, and the tolerance that decides."""
-    figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 5.4), layout="constrained")
     first, second = figure.subplots(1, 2)
     log_log(first, "each cause by itself", "estimated [mm]", "measured [mm]")
     for k, (cause, text) in enumerate(CAUSES.items()):
@@ -98,13 +109,15 @@ def draw(results: Results) -> Figure:
     second.set(
         title="the verdict without or with it", xlabel="largest change of a figure [mm]"
     )
-    second.set_yticks(range(len(WHOLE)), WHOLE)
+    texts = [textwrap.fill(text, 22) for text in WHOLE.values()]
+    second.set_yticks(range(len(WHOLE)), texts, fontsize=8)
     second.invert_yaxis()
     second.set_xscale("log")
+    apart = np.linspace(-0.36, 0.36, len(SCENES))
     for k, scene in enumerate(SCENES):
         rows = [row for row in results.where(scene=scene) if row["cause"] in WHOLE]
         x = [max(row["change_mm"] or 0.0, LEAST) for row in rows]
-        y = [list(WHOLE).index(row["cause"]) + 0.12 * (k - 1.5) for row in rows]
+        y = [list(WHOLE).index(row["cause"]) + apart[k] for row in rows]
         scatter(second, x, y, scene, len(CAUSES) + k)
     legend(figure, columns=3)
     return figure
@@ -116,6 +129,8 @@ def page(results: Results) -> str:
     for scene in dict.fromkeys(row["scene"] for row in results.rows):
         rows = results.where(scene=scene)
         lines += [f"## {scene}, tolerance {rows[0]['tolerance_mm']:g} mm", ""]
+        for row in results.where(scene=scene, cause="refused"):
+            lines += [textwrap.fill(f"Refused: {row['text']}.", PAGE), ""]
         lines += [
             "| cause | estimated mm | the plan | measured mm |",
             "|---|---|---|---|",
@@ -139,27 +154,23 @@ def page(results: Results) -> str:
 
 
 def _figure(value: float | None) -> str:
-    return "no stable shape" if value is None else f"{value:.2g}"
+    return "no rest or shape" if value is None else f"{value:.2g}"
 
 
 def _rows(name: str, quick: bool) -> Iterator[dict]:
     """Causes by themselves, then what all of a kind does to the verdict."""
     example_name, changes = SCENES[name]
-    size = (4, 3) if quick else None
-    made = drape(cell_of(example(example_name, **changes), size))
-    cell, path = made.cell, made.path
-    settled = settle_path(cell, path, made.motion).motion
-    track = make_track(cell, path, settled)
-    held = track.held
-    states = path.states[held]
-    down = states == CupState.PLACED, states == CupState.LANDING
-    to_mold = inverse(cell.world_mold)
-    rest = moved(to_mold, *(pose[held] for pose in track.poses))
-    asked = moved(to_mold, path.positions[held], path.rotations[held])
-    plan = judge_contact(cell, made.sequence, rest, *down)
-    limit = cell.scene.tolerance.shape_mm
-    label = {"scene": name, "tolerance_mm": limit}
-    for cause, estimate, modeled, measured in _causes(cell, rest, plan.choice):
+    cell = cell_of(example(example_name, **changes), (4, 3) if quick else None)
+    label = {"scene": name, "tolerance_mm": cell.scene.tolerance.shape_mm}
+    sequence = order_of(cell)
+    request = make_request(cell, sequence)
+    try:
+        held = held_as_planned(cell, request)
+    except (StrokesError, UnsettledError) as error:
+        held = held_as_requested(cell, request)
+        yield {**label, "cause": "refused", "text": str(error)}
+    plan = judge_contact(cell, sequence, held.plan, *held.down)
+    for cause, estimate, modeled, measured in _causes(cell, held.plan, plan.choice):
         yield {
             **label,
             "cause": cause,
@@ -167,20 +178,15 @@ def _rows(name: str, quick: bool) -> Iterator[dict]:
             "modeled": modeled,
             "measured_mm": None if measured is None else 1e3 * measured,
         }
-    arm = settled.q[:, cell.robot.arm_columns]
-    free = made.hovering[held]
-    hung = settle_path(cell, path, made.motion, lead=False).motion
-    hangs = moved(to_mold, *(pose[held] for pose in make_track(cell, path, hung).poses))
-    fall = np.linalg.norm(hangs[0] - asked[0], axis=-1)
-    wave = np.array(path.phase)[held] == "wave"
-    yield {
-        **label,
-        "cause": "rest",
-        "estimated_mm": 1e3 * kinematic_lag(cell, path, arm)[0],
-        "modeled": True,
-        "measured_mm": 1e3 * float(fall[wave][free[wave]].max()),
-    }
-    for cause, other in _wholes(cell, made.sequence, rest, asked, down):
+    if held.lag is not None:
+        yield {
+            **label,
+            "cause": "rest",
+            "estimated_mm": 1e3 * held.lag,
+            "modeled": held.settled,
+            "measured_mm": None if held.fall is None else 1e3 * held.fall,
+        }
+    for cause, other in _wholes(cell, sequence, held):
         change = np.abs(_figures(other) - _figures(plan)).max()
         turned = other.front.in_order != plan.front.in_order
         yield {
@@ -230,20 +236,19 @@ def _coupling(
 
 
 def _wholes(
-    cell: Cell,
-    sequence: Sequence,
-    rest: tuple[Array, Array],
-    asked: tuple[Array, Array],
-    down: tuple[Array, Array],
+    cell: Cell, sequence: Sequence, held: Held
 ) -> Iterator[tuple[str, Contact]]:
     """The drape judged with more or less of what there is."""
-    yield "everything", judge_contact(_exact(cell), sequence, rest, *down)
-    yield "rest taken out", judge_contact(cell, sequence, asked, *down)
+    asked = held.plan, *held.down
+    yield "everything", judge_contact(_exact(cell), sequence, *asked)
+    if held.other:
+        name = "rest taken out" if held.settled else "rest put in"
+        yield name, judge_contact(cell, sequence, held.other, *held.down)
     with swapped(refine, ROUNDS=0):
-        yield "waypoints alone", judge_contact(cell, sequence, rest, *down)
+        yield "waypoints alone", judge_contact(cell, sequence, *asked)
     ply = cell.scene.ply.model_copy(update={"sample_mm": FINE})
     fine = build_cell(cell.scene.model_copy(update={"ply": ply}), cell.sources)
-    yield "twice as fine", judge_contact(fine, sequence, rest, *down)
+    yield "twice as fine", judge_contact(fine, sequence, *asked)
 
 
 def _exact(cell: Cell) -> Cell:

@@ -17,7 +17,7 @@ from benchmarks.charts.drawing import WIDTH, log_log, scatter
 from benchmarks.charts.results import Results, made_with
 
 CUPS = ((2, 2), (4, 3), (6, 4), (8, 6), (10, 10), (14, 14), (20, 20))
-FINER = (1, 2, 4, 8, 14)  # times finer than 10 mm: 4e3 to 8e5 samples
+FINER = (1, 2, 4, 8, 16)  # times finer than 10 mm: 5e3 to 1.2e6 samples
 BATCHES = (1, 4, 16, 64, 256)
 STAGES = ("robot and mold", "net and wave", "strokes", "rest", "contact")
 PARTS = ("ply", "gap", "margins", "fibers", "points")
