@@ -1,6 +1,7 @@
 """Charts: figures come back as they were written, and drawings repeat."""
 
 import csv
+import gc
 import json
 
 import numpy as np
@@ -90,9 +91,18 @@ def test_front_holds_what_no_other_beats(points):
 def test_tasks_take_turns():
     order = []
     tasks = {name: lambda name=name: order.append(name) for name in "ab"}
-    times = _timing.interleaved(tasks, 2)
-    assert "".join(order) == "ababab"
-    assert list(times) == ["a", "b"]
+    assert list(_timing.interleaved(tasks, 1)) == ["a", "b"]
+    assert "".join(order) == "abab"
+    _timing.interleaved(tasks, 2)  # so short that more turns are taken
+    assert "".join(order[4:10]) == "ababba"
+    assert len(order) == 4 + 2 * (1 + _timing.MOST)
+    assert gc.isenabled()
+
+
+def test_least_time_counts(monkeypatch):
+    spent = iter([9.0, 3.0, 2.0, 4.0])
+    monkeypatch.setattr(_timing, "seconds", lambda task: next(spent))
+    assert _timing.interleaved({"a": lambda: None}, 4) == {"a": 2.0}
 
 
 def test_quick_charts_replace_no_released_ones(tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks._timing import seconds, uncollected
 from benchmarks.charts._drapes import cell_of, order_of, over
 from benchmarks.ply import GRID, poses
 from drapeplan.contact import HIGH, judge_contact
@@ -31,7 +32,8 @@ LIFT = 0.6  # [1/m] of the path, as in a scene
 LARGE = 0.72  # [m] half a side beyond which less lift keeps within the strokes
 ON_CUP, ON_SPAN = 4, 7  # intervals of 10 mm
 START = 21  # cup that the front starts from
-REPEATS = 3
+REPEATS = 5  # [-] of which the least time of each stage counts
+LONG = 10.0  # [s] past which a plan is not made again
 
 
 def main(kind: str, *sizes: int) -> dict:
@@ -43,6 +45,21 @@ def main(kind: str, *sizes: int) -> dict:
 
 
 def _cups(rows: int, columns: int) -> dict:
+    """A whole plan of a tool of any size, again and again if that is quick."""
+    found = _plan(rows, columns)
+    spent = found["total_s"]
+    for _ in range(REPEATS):
+        if spent > LONG:
+            break
+        again = _plan(rows, columns)
+        spent += again["total_s"]
+        pairs = (found["seconds"], again["seconds"])
+        least = {name: min(each[name] for each in pairs) for name in pairs[0]}
+        found |= _stages(least)
+    return found
+
+
+def _plan(rows: int, columns: int) -> dict:
     """A whole plan of a tool of any size, its frame where the arm has it."""
     half = np.array([rows - 1, columns - 1]) * 0.11 / 2
     radius = max(LEAST_RADIUS, float(half @ half) / (2 * FALL))
@@ -50,12 +67,12 @@ def _cups(rows: int, columns: int) -> dict:
     lift = LIFT * min(1.0, LARGE / float(half.max()))
     path = {"family": "rectangle_blend", "poses_per_step": POSES, "lift_per_m": lift}
     data = over(surface, path=path, robot={"name": "none"})
-    seconds: dict[str, float] = {}
+    spent: dict[str, float] = {}
 
     def timed(stage: str, task: Callable):
         begin = time.process_time()
         result = task()
-        seconds[stage] = time.process_time() - begin
+        spent[stage] = time.process_time() - begin
         return result
 
     cell = timed("robot and mold", lambda: cell_of(data, (rows, columns)))
@@ -70,7 +87,7 @@ def _cups(rows: int, columns: int) -> dict:
     states = path.states[held]
     down = states == CupState.PLACED, states == CupState.LANDING
     timed("contact", lambda: judge_contact(cell, sequence, cups, *down))
-    return {"count": rows * columns, "poses": len(path.tau), **_stages(seconds)}
+    return {"count": rows * columns, "poses": len(path.tau), **_stages(spent)}
 
 
 def _samples(finer: int) -> dict:
@@ -95,7 +112,7 @@ def _samples(finer: int) -> dict:
         pose_measures(found["gap"], final, grid, placed, ~placed, Tolerance())
 
     stages = {"ply": shape, "gap": gap, "margins": margins}
-    return {"count": int(np.prod(size)), "poses": 1, **_stages(_median(stages))}
+    return {"count": int(np.prod(size)), "poses": 1, **_stages(_least(stages))}
 
 
 def _batch(count: int) -> dict:
@@ -106,22 +123,22 @@ def _batch(count: int) -> dict:
         "fibers": lambda: ply_fibers(GRID, *held, model="modal"),
         "points": lambda: ply.points(found["fibers"], *held),
     }
-    each = {name: s / count for name, s in _median(stages).items()}
+    each = {name: s / count for name, s in _least(stages).items()}
     return {"count": count, "poses": count, **_stages(each)}
 
 
-def _median(stages: dict[str, Callable[[], object]]) -> dict[str, float]:
+def _least(stages: dict[str, Callable[[], object]]) -> dict[str, float]:
+    """Least times of stages that need each other, in their order."""
     times: dict[str, list[float]] = {name: [] for name in stages}
-    for _ in range(REPEATS + 1):  # the first one compiles
-        for name, task in stages.items():
-            begin = time.process_time()
-            task()
-            times[name].append(time.process_time() - begin)
-    return {name: float(np.median(each[1:])) for name, each in times.items()}
+    with uncollected():
+        for _ in range(REPEATS + 1):  # the first one compiles
+            for name, task in stages.items():
+                times[name].append(seconds(task))
+    return {name: min(each[1:]) for name, each in times.items()}
 
 
-def _stages(seconds: dict[str, float]) -> dict:
-    return {"seconds": seconds, "total_s": sum(seconds.values())}
+def _stages(spent: dict[str, float]) -> dict:
+    return {"seconds": spent, "total_s": sum(spent.values())}
 
 
 if __name__ == "__main__":

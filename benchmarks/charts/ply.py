@@ -75,7 +75,7 @@ def measure(quick: bool) -> Results:
     planar = [case for case in every.values() if case.kind in PLANAR]
     if quick:
         planar = planar[:1]
-    repeats = 1 if quick else 3
+    repeats = 1 if quick else 5
     rows = [] if quick else _rows("all", list(every.values()), _methods(), repeats)
     rows += _rows("compared", compared, _methods(), repeats)
     rows += _rows("planar", planar, _methods() | {("elastica", ""): _elastica}, repeats)

@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks._pink import PinkTool
+from benchmarks._timing import uncollected
 from benchmarks.charts._drapes import (
     DOME,
     Drape,
@@ -48,6 +49,7 @@ MOMENTS = (1e-2, 1e-3, 1e-4, 1e-9)  # [N m] left at rest; the planner's is the l
 CLOSED = 1e-2  # [m/(N m)] lengths are met to as much of it
 TRUTH = 1e-11  # [N m] of the reference: some 1e4 roundings of a cup's weight at 0.3 m
 LINEARIZATIONS = (1, 2, 4)  # of Pink, each pose warm from the one before
+REPEATS = 7  # [-] of which the least time counts, see `_timing.interleaved`
 ORACLE = 3  # [-] poses of the Cartesian oracle: a minute for a whole wave
 FLOOR = 1e-9  # [mm] errors below are drawn there
 LOOKS = (
@@ -106,17 +108,17 @@ def _rows(name: str, made: Drape, quick: bool, peers: bool) -> list[dict]:
     methods = _methods(made, wave)
     if peers and find_spec("pink"):
         methods |= _pink(made, wave)
-    repeats = 1 if quick else 3
     told: dict[tuple[str, str], list[tuple[float, Belief]]] = {k: [] for k in methods}
-    for _ in range(repeats + 1):  # the first one compiles
-        for key, task in methods.items():
-            told[key].append(task())
+    with uncollected():
+        for n in range(1 + (1 if quick else REPEATS)):  # the first one compiles
+            for key in list(methods)[:: -1 if n % 2 else 1]:
+                told[key].append(methods[key]())
     if peers:
         told["Cartesian oracle", f"{len(few)} poses"] = [_cartesian(made, few)]
     rows = []
     for (method, setting), each in told.items():
         chosen = few if len(each) == 1 else wave
-        seconds = np.median([seconds for seconds, _ in each[-repeats:]])
+        seconds = min(seconds for seconds, _ in each[1:] or each)
         error, angle = _errors(made, chosen, each[-1][1])
         rows.append(
             {
@@ -124,7 +126,7 @@ def _rows(name: str, made: Drape, quick: bool, peers: bool) -> list[dict]:
                 "method": method,
                 "setting": setting,
                 "poses": len(wave),
-                "wave_ms": 1e3 * float(seconds) * len(wave) / len(chosen),
+                "wave_ms": 1e3 * seconds * len(wave) / len(chosen),
                 "worst_mm": 1e3 * float(error.max()),
                 "rms_mm": 1e3 * float(np.sqrt(np.mean(error**2))),
                 "worst_deg": float(np.degrees(angle.max())),
