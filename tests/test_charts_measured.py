@@ -81,6 +81,16 @@ def test_elastica_is_a_strip_of_the_truth(name):
     assert ply._error(own, ply._elastica(own)) < FIBER
 
 
+def test_coarser_finite_elements_err_more(case):
+    """The recorded meshes converge, and count only where every case has them."""
+    rows = ply._coarse_rows("one", [case])
+    (coarse, finer) = (row["rms_mm"] for row in rows)
+    assert 2 < coarse / finer < 8
+    assert rows[0]["ms"] < rows[1]["ms"] < 1e3 * case.fe_seconds
+    other = next(case for case in _truth.cases() if case.name not in ply.COMPARED)
+    assert ply._coarse_rows("two", [case, other]) == []
+
+
 def test_cloth_of_mujoco_comes_nearer():
     pytest.importorskip("mujoco")
     own = next(case for case in _truth.cases() if case.name == "A_bend20_slack2")

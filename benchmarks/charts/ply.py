@@ -5,6 +5,7 @@ cups, rms over a case, the nearest of the shapes offered and of the equilibria k
 times are processor times of a case whose cups are given, taken in turns.
 """
 
+import csv
 from collections.abc import Callable
 from functools import lru_cache, partial
 
@@ -63,6 +64,8 @@ SETS = {
     "whole": "poses of 6 x 8 cups at a time",
 }
 REFERENCE = "CalculiX"
+COARSE = "CalculiX, coarser mesh"
+EXACT = "CalculiX, against the elastica"
 LOOKS = ("cubic", "quartic", "modal", "coupled, one shape", "coupled", "auto")
 LOOKS += ("elastica",)
 Shapes = Callable[[Case], list[Array]]
@@ -107,13 +110,13 @@ def draw(results: Results) -> Figure:
             x, y = [row["ms"] for row in own], [row["rms_mm"] for row in own]
             notes = [str(row["setting"]) for row in own]
             if method == REFERENCE:
-                upright(axes, x[0], "CalculiX, the truth, as recorded")
+                upright(axes, x[0], "the truth's own time")
             else:
                 foreign = method not in LOOKS and not whole
                 settings = {
                     "joined": True,
                     "hollow": foreign,
-                    "notes": [] if foreign else ends(notes),
+                    "notes": [] if foreign and method != COARSE else ends(notes),
                 }
                 scatter(axes, x, y, method, k, **settings)
         drawn = [row for row in rows if row["method"] != REFERENCE]
@@ -190,7 +193,26 @@ def _rows(
             errors[key].append(_error(case, tasks[key]()))
     rows = [_row(title, *key, cases, seconds[key], errors[key]) for key in methods]
     recorded = [case.fe_seconds for case in cases]
-    return [*rows, _row(title, REFERENCE, "", cases, recorded, [0.0] * len(cases))]
+    rows.append(_row(title, REFERENCE, "", cases, recorded, [0.0] * len(cases)))
+    if title == "planar":  # where there is an exact shape, the truth has an error too
+        own = errors["elastica", ""]
+        rows.append(_row(title, EXACT, "", cases, recorded, own))
+    return rows + _coarse_rows(title, cases)
+
+
+def _coarse_rows(title: str, cases: list[Case]) -> list[dict]:
+    """Figures of finite elements on coarser meshes, where they are recorded."""
+    with open(_truth.DATA / "coarse.csv", newline="") as file:
+        every = list(csv.DictReader(file))
+    names, rows = {case.name for case in cases}, []
+    for level in dict.fromkeys(row["mesh"] for row in every):
+        own = [row for row in every if row["mesh"] == level and row["case"] in names]
+        if len(own) == len(cases):
+            figures = (
+                [float(row[key]) for row in own] for key in ("seconds", "rms_mm")
+            )
+            rows.append(_row(title, COARSE, f"mesh {level}", cases, *figures))
+    return rows
 
 
 def _cloth_rows(name: str, peer: Peer, cases: list[Case], quick: bool) -> list[dict]:
