@@ -26,7 +26,7 @@ FEWEST = 10  # [-] trials from which a prediction is worth the name
 RESTARTS = 2  # [-] of the fit of length scales, which has more than one optimum
 RATIOS = {f"path.{knob.name}" for knobs in KNOBS.values() for knob in knobs if knob.log}
 PROPOSED = 2048  # [-] random paths, of which the best is proposed
-CAP = 3.0  # [mm] margins beyond are the same: nothing threatens
+CAP = 1.0  # [mm] margins beyond, either way, are the same: certain, errors or not
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,10 @@ def trial_margins(rows: list[Row], stage: str = "search") -> tuple[list[Row], Ar
             samples.setdefault((row["scene"], row["trial"]), []).append(row)
     margins = [
         np.mean(
-            [CAP if r["margin_mm"] is None else min(r["margin_mm"], CAP) for r in s]
+            [
+                CAP if (m := r["margin_mm"]) is None else min(max(m, -CAP), CAP)
+                for r in s
+            ]
         )
         for s in samples.values()
     ]
