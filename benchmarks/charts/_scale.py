@@ -1,6 +1,7 @@
 """One point of the chart of scale, in a process of its own; prints JSON.
 
-`python -m benchmarks.charts._scale cups ROWS COLUMNS`, `samples FINER` or `batch N`.
+`python -m benchmarks.charts._scale REPEATS cups ROWS COLUMNS`, or `samples FINER`, or
+`batch N`; the least time of each stage counts.
 """
 
 import json
@@ -32,23 +33,24 @@ LIFT = 0.6  # [1/m] of the path, as in a scene
 LARGE = 0.72  # [m] half a side beyond which less lift keeps within the strokes
 ON_CUP, ON_SPAN = 4, 7  # intervals of 10 mm
 START = 21  # cup that the front starts from
-REPEATS = 5  # [-] of which the least time of each stage counts
 LONG = 10.0  # [s] past which a plan is not made again
 
 
-def main(kind: str, *sizes: int) -> dict:
+def main(repeats: int, kind: str, *sizes: int) -> dict:
     """Seconds of the stages, peak memory in [MB], and what there was to do."""
-    stages = {"cups": _cups, "samples": _samples, "batch": _batch}[kind](*sizes)
+    stages = {"cups": _cups, "samples": _samples, "batch": _batch}[kind](
+        repeats, *sizes
+    )
     status = Path("/proc/self/status").read_text("utf-8")
     peak = int(status.split("VmHWM:")[1].split()[0]) / 1024
     return {**stages, "peak_MB": peak}
 
 
-def _cups(rows: int, columns: int) -> dict:
+def _cups(repeats: int, rows: int, columns: int) -> dict:
     """A whole plan of a tool of any size, again and again if that is quick."""
     found = _plan(rows, columns)
     spent = found["total_s"]
-    for _ in range(REPEATS):
+    for _ in range(repeats - 1):
         if spent > LONG:
             break
         again = _plan(rows, columns)
@@ -90,7 +92,7 @@ def _plan(rows: int, columns: int) -> dict:
     return {"count": rows * columns, "poses": len(path.tau), **_stages(spent)}
 
 
-def _samples(finer: int) -> dict:
+def _samples(repeats: int, finer: int) -> dict:
     """One pose of the whole ply, from the cups' poses to the margins."""
     ply = PlySampling.regular(GRID, 0.01 / finer)
     held = poses(1)
@@ -112,10 +114,10 @@ def _samples(finer: int) -> dict:
         pose_measures(found["gap"], final, grid, placed, ~placed, Tolerance())
 
     stages = {"ply": shape, "gap": gap, "margins": margins}
-    return {"count": int(np.prod(size)), "poses": 1, **_stages(_least(stages))}
+    return {"count": int(np.prod(size)), "poses": 1, **_stages(_least(stages, repeats))}
 
 
-def _batch(count: int) -> dict:
+def _batch(repeats: int, count: int) -> dict:
     """Poses of the whole ply at a time: fibers and points at 10 mm."""
     ply, held = PlySampling.regular(GRID, 0.01), poses(count)
     found = {"fibers": ply_fibers(GRID, *held, model="modal")}
@@ -123,15 +125,15 @@ def _batch(count: int) -> dict:
         "fibers": lambda: ply_fibers(GRID, *held, model="modal"),
         "points": lambda: ply.points(found["fibers"], *held),
     }
-    each = {name: s / count for name, s in _least(stages).items()}
+    each = {name: s / count for name, s in _least(stages, repeats).items()}
     return {"count": count, "poses": count, **_stages(each)}
 
 
-def _least(stages: dict[str, Callable[[], object]]) -> dict[str, float]:
+def _least(stages: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
     """Least times of stages that need each other, in their order."""
     times: dict[str, list[float]] = {name: [] for name in stages}
     with uncollected():
-        for _ in range(REPEATS + 1):  # the first one compiles
+        for _ in range(repeats + 1):  # the first one compiles
             for name, task in stages.items():
                 times[name].append(seconds(task))
     return {name: min(each[1:]) for name, each in times.items()}
@@ -142,4 +144,4 @@ def _stages(spent: dict[str, float]) -> dict:
 
 
 if __name__ == "__main__":
-    print(json.dumps(main(sys.argv[1], *map(int, sys.argv[2:]))))
+    print(json.dumps(main(int(sys.argv[1]), sys.argv[2], *map(int, sys.argv[3:]))))

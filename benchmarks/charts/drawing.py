@@ -90,13 +90,13 @@ def finish(figure: Figure) -> None:
     figure.set_dpi(DPI)
     _tick(figure)
     spread(figure)
+    figure.set_layout_engine("none")  # all stays where notes found it
 
 
 def _tick(figure: Figure) -> None:
     """Labels of logarithmic axes: 1, 2, 5 in every decade where there is room."""
-    figure.draw_without_rendering()
     for axes in figure.axes:
-        sides = axes.get_window_extent()
+        sides = axes.get_window_extent()  # nearly: the layout is not known yet
         for axis, length in ((axes.xaxis, sides.width), (axes.yaxis, sides.height)):
             low, high = np.sort(axis.get_view_interval())
             fixed = isinstance(axis.get_major_locator(), FixedLocator)

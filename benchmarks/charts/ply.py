@@ -82,7 +82,7 @@ def measure(quick: bool) -> Results:
     rows = [] if quick else _rows("all", list(every.values()), _methods(), repeats)
     rows += _rows("compared", compared, _methods(), repeats)
     rows += _rows("planar", planar, _methods() | {("elastica", ""): _elastica}, repeats)
-    found, missing = peers()
+    found, missing = peers(quick)
     for name, peer in found.items():
         rows += _cloth_rows(name, peer, compared, quick)
     rows += whole_ply(quick)

@@ -63,7 +63,8 @@ def measure(quick: bool) -> Results:
     }
     rows = []
     for title, each in problems.items():
-        rows += _rows(title, each, missing, 1 if quick else PASSES)
+        tried = list(_solvers(missing, TOLERANCES[:: 2 if quick else 1]))
+        rows += _rows(title, each, tried, 1 if quick else PASSES)
     made = made_with(
         *("qpsolvers", "osqp", "piqp", "proxsuite", "clarabel", "daqp"),
         *("quadprog", "highspy"),
@@ -119,9 +120,8 @@ def _middle(problems: list, keep: int) -> list:
     return problems[first : first + keep]
 
 
-def _rows(title: str, problems: list, missing: dict, passes: int) -> list[dict]:
+def _rows(title: str, problems: list, tried: list, passes: int) -> list[dict]:
     """Figures of every solver and tolerance on one set of QPs."""
-    tried = list(_solvers(missing))
     times = np.empty((len(tried), passes, len(problems)))
     answers = [[] for _ in tried]
     for _, _, solve in tried:
@@ -167,13 +167,13 @@ def _rows(title: str, problems: list, missing: dict, passes: int) -> list[dict]:
     return rows
 
 
-def _solvers(missing: dict) -> Iterator[tuple]:
+def _solvers(missing: dict, tolerances: tuple) -> Iterator[tuple]:
     """Name, tolerance and solver; a solver returns a point, or None."""
-    for tolerance in TOLERANCES:
+    for tolerance in tolerances:
         alive = QpSolver("osqp", tolerance)
         yield ALIVE, tolerance, lambda problem, s=alive: _point(s.solve(problem))
     for name in (AFRESH, *SPARSE, *DENSE):
-        for tolerance in TOLERANCES[:1] if name in FIXED else TOLERANCES:
+        for tolerance in tolerances[:1] if name in FIXED else tolerances:
             if name not in missing:
                 options = _options(name, tolerance)
                 yield (

@@ -26,6 +26,7 @@ PANELS = {
     "samples": ("a pose of 6 x 8 cups", "samples of the ply", "time [ms]"),
     "batch": ("a pose of 6 x 8 cups", "poses at a time", "time a pose [ms]"),
 }
+REPEATS = 5  # [-] of which the least time of each stage counts
 LONGEST = 1800  # [s] of one point, past which it is missing
 PLANNED = {"cups": 48, "samples": 4697}  # sizes of a plan's own tool
 
@@ -34,14 +35,12 @@ def measure(quick: bool) -> Results:
     """Every size in a process of its own."""
     asked = [("cups", *size) for size in CUPS[: 1 if quick else None]]
     asked += [("samples", n) for n in FINER[: 1 if quick else None]]
-    asked += [
-        ("batch", n) for n in BATCHES[:: 4 if quick else 1][: 2 if quick else None]
-    ]
+    asked += [("batch", n) for n in BATCHES[: 1 if quick else None]]
     rows, missing = [], {}
     for kind, *sizes in asked:
         name = f"{kind} {' x '.join(map(str, sizes))}"
         print(f"  {name}", file=sys.stderr)
-        found = _child(kind, *sizes)
+        found = _child(1 if quick else REPEATS, kind, *sizes)
         if isinstance(found, str):
             missing[name] = found
             continue
@@ -109,9 +108,10 @@ def _power(kind: str, results: Results) -> str:
     return f": size to the {fitted[0]:.1f}" if fitted else ""
 
 
-def _child(kind: str, *sizes: int) -> dict | str:
+def _child(repeats: int, kind: str, *sizes: int) -> dict | str:
     """What a process found, or why it found nothing."""
-    command = [sys.executable, "-m", "benchmarks.charts._scale", kind, *map(str, sizes)]
+    asked = map(str, (repeats, kind, *sizes))
+    command = [sys.executable, "-m", "benchmarks.charts._scale", *asked]
     environment = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **os.environ}
     try:
         done = subprocess.run(
