@@ -37,7 +37,7 @@ from drapeplan.rolling import Course, roll
 from drapeplan.trial import Question, Trials
 
 SURFACE = {"kind": "paraboloid", "radius_x_m": 1.0, "radius_y_m": 2.0}
-PACES = (1e-9, 0.05, 0.1, 0.25, 1.0)  # [s] of work in a batch
+PACES = (1e-9, 0.1, 0.25, 1.0)  # [s] of work in a batch
 WORKERS, SAMPLES, ROUNDS = 2, 192, 3
 SMALL = (4, 3)  # rows and columns of the tool when quick
 ASKED = 500  # [1/s] rollouts from given poses that one thread should do
@@ -134,10 +134,11 @@ def _bars(axes: Axes, named: list[tuple[str, float]]) -> None:
     bars = axes.barh(range(len(named)), values, 0.35, color=look(len(CREWS))["color"])
     axes.set(yticks=[], ylim=(max(len(named), 3) - 0.5, -0.8))
     axes.grid(axis="y", visible=False)
-    place: dict[str, Any] = {"fontsize": 8, "va": "bottom"}
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+    place: dict[str, Any] = {"fontsize": 8, "va": "bottom", "bbox": box}
     for bar, (name, value) in zip(bars, named, strict=True):
-        at = 0.01, bar.get_y()
-        text = f"{name}: {value:.3g}"
+        at = 0.01, bar.get_y() - 0.02
+        text = f"{name}: {value:.0f}" if value >= 100 else f"{name}: {value:.3g}"
         axes.annotate(text, at, xycoords=("axes fraction", "data"), **place)
 
 
@@ -206,7 +207,10 @@ def _engine(crew: str, pace: float = 1.0) -> Iterator[Engine]:
     from distributed import LocalCluster
 
     size: dict[str, Any] = {"n_workers": WORKERS, "threads_per_worker": 1}
-    quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.ERROR}
+    quiet: dict[str, Any] = {
+        "dashboard_address": None,
+        "silence_logs": logging.CRITICAL,
+    }
     with LocalCluster(**size, **quiet) as cluster:
         with Engine(cluster=cluster.scheduler_address, pace=pace) as engine:
             yield engine
