@@ -67,6 +67,7 @@ def made_with(*packages: str, seed: int = 0, quick: bool) -> dict[str, Value]:
     return {
         "processor": processor(),
         "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1),
         "python": platform.python_version(),
         "versions": ", ".join(f"{name} {found}" for name, found in versions.items()),
         "date": datetime.now(UTC).date().isoformat(),
