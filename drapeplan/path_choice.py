@@ -30,9 +30,9 @@ WORDS = {  # keys that may be left open, in the order of the values below
     "rim_offset_mm": "rim offset {} mm",
     "toe_up_deg": "toe-up {} deg",
 }
-# The lift along the more hollow direction comes first, then that along the other.
+# Lift along the more hollow direction, that along the other, bend, rim offset, toe-up:
 STEEP = np.array([0.6, 0.6, 120.0, 0.0, 2.0])
-WIDE = np.array([0.205, 0.475, 325.0, -11.0, 4.44])
+WIDE = np.array([0.205, 0.21, 325.0, -11.0, 4.44])  # where the other is neither
 FLAT, HOLLOW = 0.05, 0.2  # [1/m] below which nothing is wide; from which all of it is
 BOWL = 2.0  # [-] what hollowness along the other direction counts against it
 DIGITS = 4  # [-] decimals of what is taken and told
@@ -46,7 +46,7 @@ class PathChoice:
         hollow_s_per_m: Curvature along s where the border lands, positive if hollow:
             of both ends the more hollow one, [1/m].
         hollow_t_per_m: The same along t.
-        wide: Share of WIDE in what is taken, the rest being STEEP, 0 to 1.
+        wide: Share of the wide path in what is taken, the rest being STEEP, 0 to 1.
     """
 
     hollow_s_per_m: float
@@ -55,10 +55,14 @@ class PathChoice:
 
     def values(self) -> dict[str, Any]:
         """Values of the keys, as a scene has them."""
-        mixed = np.round(STEEP + self.wide * (WIDE - STEEP), DIGITS).tolist()
         along_s = self.hollow_s_per_m >= self.hollow_t_per_m
-        lift = tuple(mixed[:2] if along_s else mixed[1::-1])
-        return dict(zip(WORDS, [lift, *mixed[2:]], strict=True))
+        other = self.hollow_t_per_m if along_s else self.hollow_s_per_m
+        wide = WIDE.copy()  # what the mold takes along the other, the lift may give
+        wide[1] = min(WIDE[1] + max(-other, 0.0) / 2, STEEP[1])
+        mixed = STEEP + self.wide * (wide - STEEP)
+        first, second, *rest = np.round(mixed, DIGITS).tolist()
+        lift = (first, second) if along_s else (second, first)
+        return dict(zip(WORDS, [lift, *rest], strict=True))
 
 
 def chosen_path(

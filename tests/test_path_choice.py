@@ -77,11 +77,24 @@ def test_saddles_roll_wide_and_domes_steep():
     saddle = cell_of(paraboloid(-1.5, 1.8))[1].scene.path
     turned = cell_of(paraboloid(1.8, -1.5))[1].scene.path
     dome = cell_of(paraboloid(1.0, 2.0))[1].scene.path
-    assert saddle.lift_per_m == tuple(WIDE[:2])
-    assert turned.lift_per_m == tuple(WIDE[1::-1])
+    assert saddle.lift_per_m[0] == turned.lift_per_m[1] == WIDE[0]
+    assert WIDE[1] < saddle.lift_per_m[1] < STEEP[1]
+    assert saddle.lift_per_m[1] == pytest.approx(turned.lift_per_m[0], rel=BENT)
     assert [saddle.bend_mm, saddle.rim_offset_mm, saddle.toe_up_deg] == [*WIDE[2:]]
     assert [*dome.lift_per_m, dome.bend_mm] == [*STEEP[:3]]
     assert [dome.rim_offset_mm, dome.toe_up_deg] == [*STEEP[3:]]
+
+
+@given(t=st.floats(-2, 0), more=st.floats(0, 0.5))
+def test_the_lift_across_gives_the_mold_no_more_than_it_takes(t, more):
+    """Mold and lift together bend the ply as on a flat mold, up to the steep lift."""
+    lift = PathChoice(0.6, t, 1.0).values()["lift_per_m"]
+    assert PathChoice(t, 0.6, 1.0).values()["lift_per_m"] == lift[::-1]
+    if WIDE[1] - t / 2 <= STEEP[1]:
+        assert t + 2 * lift[1] == pytest.approx(2 * WIDE[1], abs=CLOSE)
+    else:
+        assert lift[1] == STEEP[1]
+    assert PathChoice(0.6, t - more, 1.0).values()["lift_per_m"][1] >= lift[1]
 
 
 def test_what_a_scene_states_stays_and_takes_the_rest_from_no_mold():
@@ -132,7 +145,7 @@ def test_a_plan_tells_what_it_chose(document):
     line = choice_line(PathChoice(**told))
     assert "is not hollow: lift 0.6 / 0.6 per m, bend 120 mm" in line
     line = choice_line(PathChoice(-0.1, 0.5, 1.0))
-    assert "is hollow along t (radius 2 m): lift 0.475 / 0.205 per m" in line
+    assert "is hollow along t (radius 2 m): lift 0.26 / 0.205 per m" in line
     assert "toe-up 4.44 deg" in line
 
 
