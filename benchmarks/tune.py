@@ -1,7 +1,7 @@
 """What tuning gains: P(wrong order) before and after, on samples that chose nothing.
 
 The scenes of the robustness benchmark on which the order is at risk, and examples; each
-is tuned by the command itself, with its defaults, and written as soon as it is done.
+is tuned by the command itself, single steps at last, and written as soon as it is done.
 The simulations stay in build/tune, one file a scene: what a surrogate learns from is
 what somebody who tunes has.
 """
@@ -61,7 +61,7 @@ def tuned(name: str, effort: dict[str, int]) -> dict[str, Any]:
     file.unlink(missing_ok=True)
     command = [sys.executable, "-m", "drapeplan", "tune", str(scene), "--json"]
     command += ["-o", str(file.with_suffix(".yaml")), "--rollouts", str(file)]
-    command += ["--workers", str(WORKERS)]
+    command += ["--workers", str(WORKERS), *([] if effort else ["--per-step"])]
     command += [x for k, v in effort.items() for x in (f"--{k}", str(v))]
     start = time.perf_counter()
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -78,7 +78,8 @@ def tuned(name: str, effort: dict[str, int]) -> dict[str, Any]:
         return row | {"refused": found["error"]}
     gain, chosen = found["gain"], next(f for f in found["finalists"] if f["chosen"])
     row |= {k: counted(gain[k], gain["samples"]) for k in ("before", "after")}
-    row |= {"taken": chosen["name"], "path": chosen["path"], "trials": found["trials"]}
+    row |= {"taken": chosen["name"], "trials": found["trials"]}
+    row |= {key: chosen[key] for key in ("path", "toe_up_steps")}
     return row | {"finalists": found["finalists"], "surrogate": learned([file])}
 
 

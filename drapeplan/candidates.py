@@ -43,8 +43,11 @@ class Candidate:
     why: str
 
     def applied(self, scene: Scene) -> Scene:
-        """A scene that is laid in this way."""
-        return scene.model_copy(update={"sequence": self.sequence})
+        """A scene that is laid in this way; other steps lean as all do."""
+        path = scene.path
+        if self.sequence != scene.sequence:
+            path = path.model_copy(update={"toe_up_steps": ()})
+        return scene.model_copy(update={"sequence": self.sequence, "path": path})
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,10 @@ def tune(
     cluster: Annotated[
         str | None, typer.Option(help="Dask scheduler, as tcp://host:8786.")
     ] = None,
+    per_step: Annotated[
+        bool,
+        typer.Option("--per-step", help="A lean of their own where steps go wrong."),
+    ] = False,
     surrogate: Annotated[
         bool, typer.Option("--surrogate", help="One learned proposal more.")
     ] = False,
@@ -71,9 +75,9 @@ def tune(
     leaves its sequence to a search, that is ranked first.
     """
     from drapeplan.commands_tune import Wanted, Workforce, tune_command
-    from drapeplan.tune import Effort
+    from drapeplan.tune import AROUND, Effort
 
-    effort = Effort(budget, samples, held_out)
+    effort = Effort(budget, samples, held_out, AROUND if per_step else 0)
     wanted = Wanted(output, rollouts, effort, seed, search, surrogate, resume)
     force = Workforce(workers or os.cpu_count() or 1, cluster)
     return tune_command(scene, wanted, force, as_json)

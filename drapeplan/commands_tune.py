@@ -170,6 +170,9 @@ def _check_options(
     if wanted.search not in (None, "equilibrium", "kinematic"):
         problem = f"no fidelity is called {wanted.search!r}"
         raise InputError("--search", "", problem, "equilibrium, kinematic")
+    if effort.per_step and (wanted.search or read.fidelity) == "kinematic":
+        problem = "how cups lean shows at equilibrium alone"
+        raise InputError("--per-step", "", problem, "--search equilibrium")
     given = read.sequence != "auto" and read.sequence.steps
     if given and read.path.family == "rectangle_blend":
         problem = "steps given freely are pressed down from a hover"

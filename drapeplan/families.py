@@ -18,6 +18,7 @@ TOE = "[deg] by which landing cups lean back, their outer edge up"
 OFFSET = (
     "[mm] from the placed pads' outer rim to where the lift begins; centers at least"
 )
+STEPS = "[wave step, deg], ... of steps whose cups lean back by another angle"
 CIRCLE = "[mm] from the outermost placed center to where the lift begins"
 LIFT = "[1/m] c of c d^2; one number, or one along s and one along t"
 BEND = "[mm] over which the lift curves; straight beyond"
@@ -25,6 +26,7 @@ STEEPEST = 5  # [1/m] lifts a ply by half a meter at its corners, far beyond any
 Lift = Annotated[float, Field(gt=0, le=STEEPEST)]
 Rim = Annotated[float, Field(ge=-20, le=100)]
 Toe = Annotated[float, Field(ge=0, le=10)]
+StepToe = tuple[Annotated[int, Field(ge=1)], Toe]
 
 
 def _one_or_pair(value: Any, checked: ValidatorFunctionWrapHandler) -> Any:
@@ -53,10 +55,11 @@ def known(value: T | None) -> T:
 
 
 class FamilySection(Section):
-    """What all families have: how finely cups come down."""
+    """What all families have: how finely cups come down, and steps that lean more."""
 
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
     last_gap_mm: Small = 0.2
+    toe_up_steps: Annotated[tuple[StepToe, ...], Field(description=STEPS)] = ()
 
 
 class RectangleBlendPath(FamilySection):

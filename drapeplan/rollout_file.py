@@ -12,7 +12,6 @@ from __future__ import annotations
 import io
 import json
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from drapeplan.errors import InputError
 from drapeplan.files import write_bytes
 
 FORMAT = "drapeplan-rollouts/1"
-STAGES = ("search", "ranking", "confirmation")
+STAGES = ("search", "steps", "ranking", "confirmation")
 PATIENCE = 20.0  # [-] times that a write takes, to pass before the next
 CUPS = pa.list_(pa.list_(pa.int32()))
 FIELDS = {
@@ -34,6 +33,7 @@ FIELDS = {
     "seed": pa.int64(),
     "fidelity": pa.string(),
     "family": pa.string(),
+    "toe_up_steps": pa.string(),  # [[step, deg], ...] as JSON; null: none by itself
     "good": pa.bool_(),  # verdict of the plan
     "not_good": pa.list_(pa.string()),  # its criteria that do not hold
     "shortfall": pa.float64(),  # [-] by how much, 0 for a good plan
@@ -55,7 +55,8 @@ FIELDS = {
     "version": pa.string(),
 }
 Row = dict[str, Any]
-Key = tuple[str, tuple[float, ...], int | None]
+Values = tuple[float | str | None, ...]
+Key = tuple[str, Values, int | None]
 
 
 class RolloutFile:
@@ -70,7 +71,7 @@ class RolloutFile:
             names: Parameters that are tuned; rows have them under `path.NAME`.
         """
         self.path, self.made_from = path, made_from
-        self.names = [f"path.{name}" for name in names]
+        self.names = [*(f"path.{name}" for name in names), "toe_up_steps"]
         self._rows: dict[Key, Row] = {}
         self._written, self._took = -1e9, 0.0
 
@@ -87,11 +88,9 @@ class RolloutFile:
                 raise InputError(str(self.path), "", problem, "leave --resume out")
         self._take(table.to_pylist())
 
-    def row(
-        self, stage: str, values: Iterable[float], sample: int | None
-    ) -> Row | None:
-        """A row by what was tried, or None."""
-        return self._rows.get((stage, tuple(values), sample))
+    def row(self, stage: str, values: Values, sample: int | None) -> Row | None:
+        """A row by what was tried, parameters and `toe_up_steps`, or None."""
+        return self._rows.get((stage, values, sample))
 
     def add(self, rows: list[Row]) -> None:
         """Keep rows, in the file too, unless it was written a moment ago."""

@@ -20,8 +20,8 @@ from drapeplan.equilibrium import (
     Settled,
     SettledStatus,
 )
-from drapeplan.errors import InfeasibleError
-from drapeplan.families import known
+from drapeplan.errors import InfeasibleError, InputError
+from drapeplan.families import PathSection, known
 from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.lead import DEPTH, StrokeLead, Task
 from drapeplan.legs import STROKE, cup_poses
@@ -114,6 +114,21 @@ def settle_path(
     return walk.result()
 
 
+def _toe_up(section: PathSection, step: NDArray[np.int_]) -> Array:
+    """Lean of the cups that land at each waypoint, shape (K,), in [rad].
+
+    Raises:
+        InputError: A step is named that the wave does not have.
+    """
+    angles = np.full(len(step), known(section.toe_up_deg))
+    for number, angle in section.toe_up_steps:
+        if number > step.max() + 1:
+            problem, remedy = f"there is no step {number}", f"{step.max() + 1} is last"
+            raise InputError("scene", "path.toe_up_steps", problem, remedy)
+        angles[step == number - 1] = angle
+    return np.radians(angles)
+
+
 class _Walk:
     """Goes along a path, each waypoint warm from the one before."""
 
@@ -123,7 +138,7 @@ class _Walk:
         physics = tool_physics(cell)
         self.tool = Equilibrium(self.robot, physics)
         self.strokes = StrokeLead(Chords(self.robot), physics.longest_fiber)
-        self.toe_up = np.radians(known(cell.scene.path.toe_up_deg))
+        self.toe_up = _toe_up(cell.scene.path, path.step)
         n = len(self.columns)
         placed = np.asarray(path.states == CupState.PLACED)
         last = len(path.phase) - 1 - path.phase[::-1].index("wave")
@@ -276,7 +291,7 @@ class _Walk:
         positions, rotations = self.landed
         way = self.path.positions[k] - positions
         fall = np.sum(way * rotations[..., 2], axis=-1)
-        return self.toe_up * np.clip(fall / FADE, 0.0, 1.0)
+        return self.toe_up[k] * np.clip(fall / FADE, 0.0, 1.0)
 
     def _room(self, k: int, fixed: Mask) -> tuple[Array, Array]:
         """Least and largest free strokes: limits, and rates within the wave."""

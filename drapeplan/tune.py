@@ -8,14 +8,13 @@ what is gained is told on yet others. The search's spread leaves the ply's stiff
 (a table of rests for each trial costs more than its samples); ranking and confirmation
 have all of it.
 
-The loss of a path is its expected wrongness, softened, from 0 to 1. A plan that is not
-good adds, for each criterion, NOT_GOOD, and EXCESS times what it is beyond its limit,
-relative: at like risk a good plan wins, but no criterion that is missed by a little
-outweighs a risk that is halved.
+Where that is asked for, the cups of the steps that go wrong most then get a lean of
+their own, by the same search around the better one of mean and luckiest trial.
 """
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,30 +23,26 @@ from typing import Any, Literal
 import cma
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from drapeplan.engine import Engine
-from drapeplan.intervals import share_interval
+from drapeplan.judged import Judged, trouble
 from drapeplan.plan_file import MOST_SAMPLES
-from drapeplan.rolling import CAP
-from drapeplan.rollout_file import FIELDS, RolloutFile
+from drapeplan.rollout_file import FIELDS, RolloutFile, Values
 from drapeplan.scene import Scene
 from drapeplan.trial import Question, Row, Trials
-from drapeplan.tuning_space import Path, Space
+from drapeplan.tuning_space import Path, Space, StepSpace
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 SPREAD = 0.2  # [-] of the box: how far the search looks around at first
-SOFT = 0.25  # [mm] of margin over which a sample goes from wrong to right
-MARGIN, PRESS = 0.1, 0.1  # [-] price of a margin of 0 against CAP; of 1 mm of press
-NOT_GOOD, EXCESS = 0.1, 0.2  # [-] price of a criterion not met; of twice its limit
-REFUSED = 100.0  # [-] price of a path that no strokes follow: beyond any other
 CLEARLY = 2.0  # [-] standard errors by which luck has to win where luck is not counted
 RANKED = 64  # [-] samples of each finalist
 PART = 100  # [-] samples asked at once: each worker plans a path anew for its own
+STEPS, AROUND = 2, 18  # [-] steps that get a lean of their own; paths for that
 FIRST = {  # [-] samples that checks of a plan, by default from 0 on, do not see
     "search": MOST_SAMPLES,
+    "steps": MOST_SAMPLES,
     "ranking": 2 * MOST_SAMPLES,
     "confirmation": 3 * MOST_SAMPLES,
 }
@@ -61,63 +56,20 @@ class Effort:
         budget: Paths that the search tries, beside the scene's own.
         samples: Samples of each.
         confirmed: Samples on which the gain is told.
+        per_step: Paths that refine the lean of single steps; 0 for none.
     """
 
     budget: int = 64
     samples: int = 32
     confirmed: int = 200
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A path on samples.
-
-    Attributes:
-        path: The path.
-        plan: Row of the plan itself.
-        rows: Rows of its samples; none where there is no plan.
-    """
-
-    path: Path
-    plan: Row
-    rows: tuple[Row, ...]
-
-    @property
-    def wrong(self) -> int:
-        """Samples in the wrong order; all are, where there is no plan."""
-        return sum(row["wrong"] for row in self.rows)
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Interval of P(wrong order), 95 %."""
-        return share_interval(self.wrong, len(self.rows))
-
-    @property
-    def least(self) -> float:
-        """Least margin of all samples, CAP where nothing threatens, in [mm]."""
-        margins = [row["margin_mm"] for row in self.rows]
-        return min([1e3 * CAP, *(m for m in margins if m is not None)])
-
-    @property
-    def losses(self) -> Array:
-        """Loss of each sample, shape (n,); of the plan alone where there are none."""
-        if self.plan["refused"]:
-            return np.array([REFUSED - np.tanh(self.plan["refused_at"] / 100)])
-        missed = len(self.plan["not_good"])
-        price = NOT_GOOD * missed + EXCESS * (self.plan["shortfall"] - missed)
-        return np.array([_loss(row) for row in self.rows]) + price
-
-    @property
-    def loss(self) -> float:
-        """Mean loss."""
-        return float(self.losses.mean())
+    per_step: int = 0
 
 
 @dataclass(frozen=True)
 class Finalist:
     """A path that is ranked on samples that the search has not seen."""
 
-    name: Literal["scene", "mean", "luckiest", "surrogate"]
+    name: Literal["scene", "mean", "luckiest", "steps", "surrogate"]
     judged: Judged
 
 
@@ -171,7 +123,8 @@ class Tuner:
         self.features, self.effort, self.progress = features, effort, progress
         self.space = space_of(trials.scene, trials.searched)
         self.asked: dict[Path, int] = {}
-        self.begun, self.ran, self.planned = time.monotonic(), 0, effort.budget + 1
+        self.planned = effort.budget + 1 + effort.per_step
+        self.begun, self.ran = time.monotonic(), 0
         self.best: Judged | None = None
 
     def run(self, propose: Callable[[list[Row]], Path] | None = None) -> Tuning:
@@ -185,6 +138,8 @@ class Tuner:
             mean, luckiest, tried = self._search(scene)
             paths: dict[Any, Path] = {"scene": scene, "mean": mean}
             paths["luckiest"] = luckiest
+            if self.effort.per_step:
+                paths["steps"] = self._by_step([mean, luckiest])
             if propose:
                 paths["surrogate"] = propose(self.file.rows())
             ranked = self._judge(list(paths.values()), "ranking", RANKED)
@@ -199,32 +154,50 @@ class Tuner:
 
     def _search(self, scene: Path) -> tuple[Path, Path, int]:
         """Mean of the distribution at the end, the luckiest trial, and their count."""
-        space, seed = self.space, self.trials.seed
-        numbers = np.random.default_rng(seed)
+        space, budget = self.space, self.effort.budget
+        others = [p for p in space.known() if self._values(p) != self._values(scene)]
+        found = self._judge([scene, *others[:budget]], "search", self.effort.samples)
+        best = min(found, key=lambda one: one.loss)
+        left = budget + 1 - len(found)
+        mean, best, tried = self._evolved(space, best, "search", left)
+        return mean, best.path, len(found) + tried
+
+    def _by_step(self, paths: list[Path]) -> Path:
+        """The best of some paths; the steps that go wrong most lean by themselves."""
+        found = self._judge(paths, "search", self.effort.samples)
+        best = min(found, key=lambda one: one.loss)
+        steps = trouble(best.rows)[:STEPS]
+        if not steps:
+            return best.path
+        space = StepSpace(best.path, steps)
+        return self._evolved(space, best, "steps", self.effort.per_step)[0]
+
+    def _evolved(
+        self, space: Space | StepSpace, best: Judged, stage: str, budget: int
+    ) -> tuple[Path, Judged, int]:
+        """Mean of the distribution at the end, the luckiest trial, and their count."""
+        numbers = np.random.default_rng(self.trials.seed)
         options = {
             "bounds": [0, 1],
             "verbose": -9,
             "randn": lambda *shape: numbers.standard_normal(shape),
             "seed": np.nan,  # leaves the one generator of numpy alone
         }
-        count = len(space.knobs)
-        others = [p for p in space.known() if self._values(p) != self._values(scene)]
-        known = others[: self.effort.budget]
-        found = self._judge([scene, *known], "search", self.effort.samples)
-        self.best, tried = min(found, key=lambda one: one.loss), len(found)
-        start = np.full(max(count, 2), 0.5)  # the search knows no single dimension
-        start[:count] = np.clip(space.point(self.best.path), 0, 1)
+        start = np.full(max(space.size, 2), 0.5)  # the search knows no single dimension
+        start[: space.size] = np.clip(space.point(best.path), 0, 1)
         search = cma.CMAEvolutionStrategy(start, SPREAD, options)
-        left = self.effort.budget + 1 - tried
-        self.planned = tried + left // search.popsize * search.popsize
-        while tried < self.planned and not search.stop():
+        self.best, tried = best, 0
+        whole = budget // search.popsize * search.popsize
+        self.planned -= budget - whole
+        while tried < whole and not search.stop():
             points = search.ask()
-            paths = [space.path(point[:count]) for point in points]
-            found = self._judge(paths, "search", self.effort.samples)
+            paths = [space.path(point[: space.size]) for point in points]
+            found = self._judge(paths, stage, self.effort.samples)
             search.tell(points, [one.loss for one in found])
             self.best = min([self.best, *found], key=lambda one: one.loss)
             tried += len(paths)
-        return space.path(search.result.xfavorite[:count]), self.best.path, tried
+        mean = space.path(search.result.xfavorite[: space.size])
+        return mean, self.best, tried
 
     def _judge(self, paths: list[Path], stage: str, samples: int) -> list[Judged]:
         """Paths on samples of a stage; what is in the file is not simulated again."""
@@ -266,13 +239,14 @@ class Tuner:
             raise LookupError(f"{path} was asked for and has no row")
         return Judged(path, plan, tuple(row for row in rows if row))
 
-    def _values(self, path: Path) -> tuple[float, ...]:
-        return tuple(self.space.values(path).values())
+    def _values(self, path: Path) -> Values:
+        return (*self.space.values(path).values(), _plain(path))
 
     def _complete(self, path: Path, rows: list[Row]) -> list[Row]:
         """Rows with all columns of the file."""
         values = {f"path.{k}": v for k, v in self.space.values(path).items()}
-        head = {"trial": self.asked[path], "family": path.family}
+        head: Row = {"trial": self.asked[path], "family": path.family}
+        head["toe_up_steps"] = _plain(path)
         return [
             dict.fromkeys(FIELDS) | row | head | values | self.features for row in rows
         ]
@@ -289,6 +263,11 @@ class Tuner:
         whole = self.planned * effort.samples
         whole += 3 * RANKED + 2 * effort.confirmed
         self.progress(text, min(self.ran / whole, 1.0))
+
+
+def _plain(path: Path) -> str | None:
+    """Steps that lean by themselves, as the file has them."""
+    return json.dumps(path.toe_up_steps) if path.toe_up_steps else None
 
 
 def space_of(scene: Scene, searched: str) -> Space:
@@ -308,7 +287,7 @@ def choose(finalists: list[Finalist]) -> Finalist:
     by_name = {one.name: one for one in finalists}
     best = by_name["mean"]
     for one in finalists:
-        if one.name in ("luckiest", "surrogate") and _clearly(one, best):
+        if one.name in ("luckiest", "steps", "surrogate") and _clearly(one, best):
             best = one
     own = by_name["scene"]
     return own if own.judged.loss <= best.judged.loss else best
@@ -322,12 +301,3 @@ def _clearly(one: Finalist, other: Finalist) -> bool:
     gain = b - a
     error = float(gain.std(ddof=1)) / np.sqrt(len(gain)) if len(gain) > 1 else 0.0
     return float(gain.mean()) > CLEARLY * error
-
-
-def _loss(row: Row) -> float:
-    """Loss of a sample: a softened count, with margin and press that go on counting."""
-    most = 1e3 * CAP
-    margin = most if row["margin_mm"] is None else min(row["margin_mm"], most)
-    press = max(row["span_press_mm"], row["pad_press_mm"])
-    soft = expit(-margin / SOFT) if row["stable"] else 1.0
-    return float(soft + MARGIN * (1 - max(margin, -most) / most) + PRESS * press)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from drapeplan.judged import Judged
 from drapeplan.scene import CountedSection, TunedSection
-from drapeplan.tune import Finalist, Judged, Tuning
+from drapeplan.tune import Finalist, Tuning
 from drapeplan.tuned import gain_sentence, path_hash
 from drapeplan.tuning_space import Space
 
@@ -13,6 +14,7 @@ NAMES = {
     "scene": "the scene's own",
     "mean": "mean of the search",
     "luckiest": "luckiest trial",
+    "steps": "steps by themselves",
     "surrogate": "surrogate's proposal",
 }
 
@@ -33,7 +35,8 @@ def tuning_lines(found: Tuning, space: Space, surrogate: list[str]) -> list[str]
     before = space.values(found.before.path)
     after = space.values(found.after.path)
     changes = (f"{name} {before[name]:g} to {after[name]:g}" for name in after)
-    lines.append("Path: " + ", ".join(changes) + ".")
+    lean = [f"toe-up of step {k} {angle:g} deg" for k, angle in _steps(found.after)]
+    lines.append("Path: " + ", ".join([*changes, *lean]) + ".")
     lines.append(gain_sentence(gain(found)))
     return lines
 
@@ -56,6 +59,7 @@ def tuning_document(found: Tuning, space: Space) -> dict[str, Any]:
             "loss": one.judged.loss,
             "chosen": one is found.chosen,
             "path": space.values(one.judged.path),
+            "toe_up_steps": _steps(one.judged),
             "samples": len(one.judged.rows),
             **_counted(one.judged),
         }
@@ -66,6 +70,11 @@ def tuning_document(found: Tuning, space: Space) -> dict[str, Any]:
         "finalists": finalists,
         "gain": gain(found).model_dump(),
     }
+
+
+def _steps(judged: Judged) -> tuple[tuple[int, float], ...]:
+    """Steps whose cups lean by themselves."""
+    return judged.path.toe_up_steps
 
 
 def _counted(judged: Judged) -> dict[str, Any]:

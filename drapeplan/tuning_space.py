@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath
+from drapeplan.families import HoverPath, RadialPath, RectangleBlendPath, known
 from drapeplan.path_choice import STEEP, WIDE
 from drapeplan.scene import Scene
 
@@ -72,6 +72,36 @@ KNOWN: dict[str, tuple[Sequence[float], ...]] = {
 }
 
 
+MOST_TOE = 8.0  # [deg] of the steps that are looked at by themselves
+
+
+class StepSpace:
+    """Lean of the cups of some steps of one path, as a point of a unit box."""
+
+    def __init__(self, base: Path, steps: list[int]) -> None:
+        """Lay out the box.
+
+        Args:
+            base: The path; the rest of it stays.
+            steps: Wave steps, from 1.
+        """
+        self.base, self.steps, self.size = base, steps, len(steps)
+
+    def point(self, path: Path) -> Array:
+        """A path as a point of the box, shape (n,), from 0 to 1."""
+        angles = dict(path.toe_up_steps)
+        found = [angles.get(step, known(path.toe_up_deg)) for step in self.steps]
+        return np.clip(np.array(found) / MOST_TOE, 0, 1)
+
+    def path(self, point: Array) -> Path:
+        """The path of a point, shape (n,), its angles rounded to DIGITS."""
+        angles = (MOST_TOE * np.clip(point, 0, 1)).tolist()
+        found = (float(f"{angle:.{DIGITS}g}") for angle in angles)
+        every = dict(self.base.toe_up_steps) | dict(zip(self.steps, found, strict=True))
+        pairs = tuple(sorted(every.items()))
+        return self.base.model_copy(update={"toe_up_steps": pairs})
+
+
 class Space:
     """The box around a scene's path family, wide enough for the scene's own values."""
 
@@ -88,6 +118,7 @@ class Space:
         own = list(self.values(self.base).values())
         low = np.minimum([knob.low for knob in self.knobs], own)
         high = np.maximum([knob.high for knob in self.knobs], own)
+        self.size = len(self.knobs)
         self.log = np.array([knob.log for knob in self.knobs])
         self.low, self.high = self._scaled(low), self._scaled(high)
 
@@ -97,11 +128,11 @@ class Space:
         Args:
             path: A path of the family.
         """
-        known = path.model_dump()
-        lift = known.get("lift_per_m")
+        section = path.model_dump()
+        lift = section.get("lift_per_m")
         s, t = lift if isinstance(lift, tuple) else (lift, lift)
-        known |= {"lift_s_per_m": s, "lift_t_per_m": t}
-        return {knob.name: float(known[knob.name]) for knob in self.knobs}
+        section |= {"lift_s_per_m": s, "lift_t_per_m": t}
+        return {knob.name: float(section[knob.name]) for knob in self.knobs}
 
     def point(self, path: Path) -> Array:
         """A path as a point of the box, shape (n,), from 0 to 1."""

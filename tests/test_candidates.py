@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drapeplan.candidates import MOST, Relief, candidates
+from drapeplan.candidates import MOST, Candidate, Relief, candidates
 from drapeplan.net import Net
+from drapeplan.orders import SequenceSection
 from drapeplan.sequence import make_sequence
 from tests.plans import scene
 
@@ -119,3 +120,12 @@ def test_candidates_are_few_and_lay_every_cup_in_different_orders(
         assert order.placed_after(len(order.steps)).all()
         orders.add((order.start_cup, tuple(map(frozenset, order.steps))))
     assert len(orders) == len(found)
+
+
+def test_steps_of_another_order_lean_as_all_do():
+    own = SequenceSection(start=(3, 2), pattern="all_sides")
+    path = {"family": "rectangle_blend", "toe_up_steps": [[2, 4.0]]}
+    read = scene(path=path, sequence=own.model_dump(exclude_none=True))
+    kept, other = (Candidate(one, "").applied(read) for one in (own, SequenceSection()))
+    assert kept.path.toe_up_steps == ((2, 4.0),)
+    assert other.path.toe_up_steps == ()

@@ -59,9 +59,9 @@ def test_rows_come_back_as_they_were(tmp_path):
     again = RolloutFile(path, MADE_FROM, ["bend_mm"])
     again.resume()
     assert again.rows() == rows
-    assert again.row("ranking", [100.0], 3) == ROWS[3]
-    assert again.row("ranking", [100.0], 4) is None
-    assert again.row("search", [100.0], None)["margin_mm"] is None
+    assert again.row("ranking", (100.0, None), 3) == ROWS[3]
+    assert again.row("ranking", (100.0, None), 4) is None
+    assert again.row("search", (100.0, None), None)["margin_mm"] is None
 
 
 def test_each_batch_is_in_the_file_soon(tmp_path):

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.closures import Chords, Closures
 from drapeplan.equilibrium import Equilibrium, SettledStatus
+from drapeplan.errors import InputError
 from drapeplan.frames import rotation_vectors
 from drapeplan.hanging import kinematic_lag, tool_physics
 from drapeplan.legs import STROKE, cup_poses, leg_coordinates
@@ -269,3 +270,29 @@ def test_cups_lean_back_until_they_are_laid_flat():
     expected = np.radians(3) * np.minimum(heights / FADE, 1.0)
     np.testing.assert_allclose(walk._lean(last - 1), expected, atol=1e-12)
     np.testing.assert_allclose(walk._lean(last), 0.0, atol=1e-12)
+
+
+def test_one_step_leans_by_itself():
+    """Up to that step nothing changes; in it, cups lean back by that angle."""
+    made = small("dome")
+    path = made.cell.scene.path.model_copy(update={"toe_up_steps": ((2, 5.0),)})
+    cell = replace(made.cell, scene=made.cell.scene.model_copy(update={"path": path}))
+    walks = [
+        _Walk(one, made.request.path, made.motion, lead=True)
+        for one in (made.cell, cell)
+    ]
+    steps = made.request.path.step
+    first = int(np.flatnonzero(steps == 1)[0])
+    leans = np.stack([[walk._lean(k) for k in range(len(steps))] for walk in walks])
+    usual, other = leans
+    assert_array_equal(other[steps != 1], usual[steps != 1])
+    assert_allclose(other[first], usual[first] * 5.0 / path.toe_up_deg)
+    assert usual[first].max() == pytest.approx(np.radians(path.toe_up_deg))
+
+
+def test_a_step_that_the_wave_does_not_have_is_bad_input():
+    made = small("dome")
+    path = made.cell.scene.path.model_copy(update={"toe_up_steps": ((99, 5.0),)})
+    cell = replace(made.cell, scene=made.cell.scene.model_copy(update={"path": path}))
+    with pytest.raises(InputError, match="there is no step 99"):
+        _Walk(cell, made.request.path, made.motion, lead=True)

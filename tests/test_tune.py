@@ -10,14 +10,15 @@ import yaml
 
 from drapeplan.engine import Engine
 from drapeplan.errors import InputError
+from drapeplan.judged import Judged, trouble
 from drapeplan.ranking import rank_scene
 from drapeplan.rollout_file import RolloutFile, read_rollouts
 from drapeplan.scene import read_scene
-from drapeplan.tune import Effort, Finalist, Judged, Tuner, choose, space_of
+from drapeplan.tune import Effort, Finalist, Tuner, choose, space_of
 from drapeplan.tuned import path_hash
 from tests.plans import scene
 from tests.settled import DOME, tool_section
-from tests.toys import BEST, COUNT, PATH, Counted, Interrupted, Toy
+from tests.toys import BEST, COUNT, PATH, UPRIGHT, Counted, Interrupted, Leaning, Toy
 
 EFFORT = Effort(budget=40, samples=4, confirmed=6)
 TRIALS = 1 + 3 + 32  # the scene's own, known ones that are others, generations of 8
@@ -28,14 +29,14 @@ def toy(kind=Toy, **fields):
     return kind(scene(DOME, fidelity="kinematic", path=PATH), **fields)
 
 
-def tuner(trials, engine, path, resume=False, progress=None):
+def tuner(trials, engine, path, resume=False, progress=None, effort=EFFORT):
     """A tuner of a toy with its file."""
     knobs = space_of(trials.scene, "kinematic").knobs
     file = RolloutFile(path, {"seed": trials.seed}, [knob.name for knob in knobs])
     if resume:
         file.resume()
     facts = {"scene": "toy", "version": "0"}
-    return Tuner(trials, engine, file, facts, EFFORT, progress)
+    return Tuner(trials, engine, file, facts, effort, progress)
 
 
 def tuned(path, trials=None, workers=1, cluster=None, **more):
@@ -155,6 +156,27 @@ def test_the_search_starts_from_the_best_known_path(tmp_path):
     found = tuned(tmp_path / "r.parquet", toy(best=tuple(space.point(best))))
     assert found.after.wrong <= found.before.wrong
     assert np.linalg.norm(space.point(found.after.path) - space.point(best)) < 0.15
+
+
+def test_the_step_that_goes_wrong_gets_a_lean_of_its_own(tmp_path):
+    effort = replace(EFFORT, per_step=24)
+    path = tmp_path / "r.parquet"
+    found = tuned(path, toy(Leaning), effort=effort)
+    assert found.chosen.name == "steps"
+    ((step, angle),) = found.after.path.toe_up_steps
+    assert step == 3
+    assert angle == pytest.approx(UPRIGHT, abs=1.0)
+    assert found.after.path.toe_up_deg == PATH["toe_up_deg"]
+    table = read_rollouts(path)[1].to_pandas()
+    assert set(table[table["stage"] == "steps"]["toe_up_steps"].notna()) == {True}
+    again = tuned(path, toy(Counted), effort=effort, resume=True)
+    assert again == found
+
+
+def test_steps_are_sorted_by_their_trouble():
+    margins = (1, -0.5), (4, 0.0), (4, 0.0), (4, 0.0), (0, -3.0), (None, None)
+    rows = [{"tightest_step": k, "margin_mm": m} for k, m in margins]
+    assert trouble(tuple(rows)) == [4, 1]
 
 
 def judged(margins, refused=None, missed=()):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from drapeplan.tuning_space import KNOBS, Space
+from drapeplan.tuning_space import KNOBS, Space, StepSpace
 from tests.plans import scene
 from tests.toys import PATH
 
@@ -39,6 +39,16 @@ def test_known_paths_are_of_the_family_and_in_the_box(family, rest):
     assert points.shape[1] == len(space.knobs)
     assert len(np.unique(points, axis=0)) == len(points)
     assert ((points >= 0) & (points <= 1)).all()
+
+
+def test_steps_lean_by_themselves():
+    base = Space(scene(path=PATH | {"toe_up_steps": [[5, 1.0]]}), True).base
+    space = StepSpace(base, [7, 3])
+    assert_allclose(space.point(base), [0.25, 0.25])  # of 8 deg
+    path = space.path(np.array([1.0, 0.5]))
+    assert path.toe_up_steps == ((3, 4.0), (5, 1.0), (7, 8.0))
+    assert path.toe_up_deg == base.toe_up_deg
+    assert_allclose(space.point(path), [1.0, 0.5])
 
 
 def test_what_is_not_tuned_stays():

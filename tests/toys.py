@@ -12,6 +12,7 @@ from drapeplan.tuning_space import Space
 
 PATH = {"family": "rectangle_blend", "lift_per_m": 0.6, "bend_mm": 120.0}
 PATH |= {"rim_offset_mm": 0.0, "toe_up_deg": 2.0}  # all that can be tuned
+UPRIGHT = 6.0  # [deg] of the step that goes wrong
 BEST = 0.7  # of every parameter, in the unit box: where the margin is largest
 
 
@@ -42,6 +43,20 @@ class Toy:
             return facts | {"sample": k, **sizes, **press}
 
         return [row(k) for k in (None, *question.samples)]
+
+
+@dataclass(frozen=True)
+class Leaning(Toy):
+    """The same with a step in which cups should lean by UPRIGHT."""
+
+    def __call__(self, question):
+        angles = dict(question.path.toe_up_steps)
+        off = angles.get(3, question.path.toe_up_deg) - UPRIGHT
+        rows = super().__call__(question)
+        for row in rows:
+            margin = row["margin_mm"] - 0.05 * off**2
+            row |= {"margin_mm": margin, "wrong": margin <= 0, "tightest_step": 3}
+        return rows
 
 
 @dataclass(frozen=True)
