@@ -21,7 +21,7 @@ from ply.fiber import Array
 
 REMEDY = "not installed: pip install 'drapeplan[peers]'"
 NOT_RUN = {  # looked at, and not taken
-    "PyBullet": "not set up: its cloth takes spring constants, no bending stiffness",
+    "PyBullet": "its bending springs have no stiffness where a ply is flat",
     "Taichi": "a language, which brings no cloth",
 }
 MUJOCO = {  # mesh intervals a span, steps, softness along the fibers
