@@ -32,8 +32,8 @@ are good:
 | saddle 1.8 and -1.5 m | 30, 25 | 22, 11 |
 | sphere of 1 m | 30, 5 | not good: fibers and penetration |
 
-On the sphere sides in turn take 33 s, with none wrong. Rings a pitch wide are as fast
-as all sides, with 38 of 64 wrong on the panel.
+On the sphere alone rings are the fastest that are good: sides in turn take 34 s, with
+none wrong. Rings a pitch wide are as fast as all sides, with 38 wrong on the panel.
 
 Printed by `python -m benchmarks._choosing` from `benchmarks/results/ranking.json`; that
 is written by `python -m benchmarks ranking`, or `... ranking panel ridge` for some.
