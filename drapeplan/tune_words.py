@@ -34,7 +34,8 @@ def tuning_lines(found: Tuning, space: Space, surrogate: list[str]) -> list[str]
         return [*lines, "Nothing is gained: the path stays as it is."]
     before = space.values(found.before.path)
     after = space.values(found.after.path)
-    changes = (f"{name} {before[name]:g} to {after[name]:g}" for name in after)
+    moved = [name for name in after if after[name] != before[name]]
+    changes = (f"{name} {before[name]:g} to {after[name]:g}" for name in moved)
     lean = [f"toe-up of step {k} {angle:g} deg" for k, angle in _steps(found.after)]
     lines.append("Path: " + ", ".join([*changes, *lean]) + ".")
     lines.append(gain_sentence(gain(found)))
