@@ -110,6 +110,7 @@ def build_cell(scene: Scene, sources: Sources) -> Cell:
     _check_home(scene, robot)
     grid = Grid(robot.rows, robot.columns, robot.pitch, robot.half_width)
     cups = CupGrid(grid.rows, grid.columns, grid.pitch, grid.half_width)
+    _check_placement(scene, grid)
     step, overhang = scene.ply.sample_mm * 1e-3, scene.ply.overhang_mm * 1e-3
     samples = int(np.prod(_ply_size(scene, robot) / step + 1))
     if samples > MOST_SAMPLES:
@@ -225,15 +226,10 @@ def _surface(section: SurfaceSection | None) -> AbstractSurface:
             return Plane()
 
 
-def check_placement(cell: Cell, source: str) -> None:
-    """Refuse a placement cup that is not on the tool.
-
-    Raises:
-        InputError: Naming the key and the tool's size.
-    """
-    cup = cell.scene.placement.cup
-    grid = cell.grid
+def _check_placement(scene: Scene, grid: Grid) -> None:
+    """Refuse a placement cup that is not on the tool."""
+    cup = scene.placement.cup
     if cup is not None and (cup[0] >= grid.rows or cup[1] >= grid.columns):
         problem = f"cup {list(cup)} is outside the tool"
         remedy = f"the tool has {grid.rows} rows and {grid.columns} columns"
-        raise InputError(source, "placement.cup", problem, remedy)
+        raise InputError("scene", "placement.cup", problem, remedy)

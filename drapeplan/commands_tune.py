@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from drapeplan.cell import build_cell, check_placement, read_sources
+from drapeplan.cell import build_cell, read_sources
 from drapeplan.commands_plan import inputs_of, naming
 from drapeplan.console import show_progress
 from drapeplan.engine import Engine
@@ -102,7 +102,6 @@ def tune_command(
     seed = read.seed if wanted.seed is None else wanted.seed
     searched = wanted.search or read.fidelity
     trials = Trials(read, sources, seed, searched)
-    check_placement(trials.cell, str(scene))
     targets, grid = cup_targets(trials.cell), trials.cell.grid
     features = mold_features(targets, grid.rows, grid.columns, grid.pitch)
     space = space_of(read, searched)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from drapeplan.cell import Cell
 from drapeplan.front import check_front
@@ -21,6 +22,8 @@ from ply.shape import PlyFibers
 
 Array = NDArray[np.float64]
 
+Lid = tuple[NDArray[np.int32], NDArray[np.int32]]
+
 FAR = 1.0  # [m] gap of ply that hangs beside the mold: it meets nothing there
 HIGH = 0.2  # [m] gaps beyond are all the same to the front check
 
@@ -33,6 +36,7 @@ class Contact:
         points: Ply in the mold frame, shape (K, nt, ns, 3), in [m].
         gap: Signed distance to the mold, shape (K, nt, ns), in [m]; FAR beside it.
         beside: Samples that hang beside the mold in the laid state, shape (nt, ns).
+        lid: What the front sees in place of each sample; see `lid_of`.
         front: The verdict on the order of contact.
         choice: The ply model, and why.
         fibers: Fibers of the ply on it.
@@ -41,6 +45,7 @@ class Contact:
     points: Array
     gap: Array
     beside: NDArray[np.bool_]
+    lid: Lid
     front: FrontVerdict
     choice: PlyChoice
     fibers: PlyFibers
@@ -120,6 +125,31 @@ def front_grid(cell: Cell, start_cup: int, beside: NDArray[np.bool_]) -> FrontGr
     )
 
 
+def lid_of(cell: Cell, laid: Array, grid: FrontGrid) -> Lid:
+    """Sample that stands for each in the order of contact: itself, but over openings.
+
+    Over an opening of the mold (a channel under its edges) the gap jumps from the edge
+    to the floor, and the ply touches neither. There it counts as high as the nearest
+    sample beside the opening, as if a lid closed it.
+
+    Args:
+        cell: Gives the mold.
+        laid: Ply in the laid state, mold frame, shape (nt, ns, 3), in [m].
+        grid: The samples; pads are never over an opening.
+
+    Returns:
+        Indices along t and s, each of shape (nt, ns).
+    """
+    opening = cell.mold.opening(laid) & ~grid.beside & (grid.cup_index < 0)
+    i, j = distance_transform_edt(
+        opening,
+        sampling=(np.diff(grid.t).mean(), np.diff(grid.s).mean()),
+        return_distances=False,
+        return_indices=True,
+    )
+    return i, j
+
+
 def front_tolerance(cell: Cell) -> Tolerance:
     """Tolerances of the scene."""
     limits = cell.scene.tolerance
@@ -157,9 +187,11 @@ def judge_contact(
     beside = gap[-1] >= FAR
     samples = front_grid(cell, sequence.index(sequence.start_cup), beside)
     final = np.where(beside, 0.0, gap[-1])
+    lid = lid_of(cell, points[-1], samples)
+    tolerance = front_tolerance(cell)
 
     def seen(gap: Array) -> Array:
-        return np.where(beside, HIGH, np.minimum(gap, HIGH))
+        return np.where(beside, HIGH, np.minimum(gap, HIGH))[:, *lid]
 
     def between(stops: Stops, new: NDArray[np.bool_]) -> Array:
         if choice.model.name == "cubic":
@@ -169,10 +201,11 @@ def judge_contact(
         points = held_points(cell, own, *stops.some(new).poses, choice.model)
         return seen(cell.mold.gap(points, beside=FAR))
 
-    tolerance = front_tolerance(cell)
     if refined:
         stops = Stops.at_waypoints(poses, placed, landing)
-        front = judge_between(stops, seen(gap), final, samples, tolerance, between)
+        front = judge_between(stops, seen(gap), final[lid], samples, tolerance, between)
     else:
-        front = check_front(seen(gap), final, samples, placed, landing, tolerance)
-    return Contact(points, gap, beside, front, choice, fibers, cell.mold)
+        front = check_front(seen(gap), final[lid], samples, placed, landing, tolerance)
+    bridge = samples.spot(final, np.ones(final.shape, bool))
+    front = replace(front, highest=bridge)
+    return Contact(points, gap, beside, lid, front, choice, fibers, cell.mold)

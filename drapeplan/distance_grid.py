@@ -160,8 +160,8 @@ class DistanceGrid:
         """
         points = np.asarray(points, float)
         flat = np.ascontiguousarray(points.reshape(-1, 3))
-        d, slope = distances(flat, *self._arrays), gradients(flat, *self._arrays)
-        return d.reshape(points.shape[:-1]), slope.reshape(points.shape)
+        slope = gradients(flat, *self._arrays)
+        return self.nearest(points), slope.reshape(points.shape)
 
     def gap(self, points: ArrayLike) -> Array:
         """How far the mold is for a ply that comes from above.
@@ -180,6 +180,17 @@ class DistanceGrid:
         points = np.asarray(points, float)
         flat = np.ascontiguousarray(points.reshape(-1, 3))
         out = gaps(flat, self._tops, FINER, *self._arrays)
+        return np.asarray(out.reshape(points.shape[:-1]))
+
+    def nearest(self, points: ArrayLike) -> Array:
+        """Signed distances alone, shape (...), in [m].
+
+        Args:
+            points: Points in the mold frame, shape (..., 3), in [m].
+        """
+        points = np.asarray(points, float)
+        flat = np.ascontiguousarray(points.reshape(-1, 3))
+        out = distances(flat, *self._arrays)
         return np.asarray(out.reshape(points.shape[:-1]))
 
     @cached_property

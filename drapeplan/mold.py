@@ -212,6 +212,17 @@ class HeightGrid(AbstractSurface):
         """
         return self.table.gap(np.asarray(points, float), beside)
 
+    def opening(self, points: ArrayLike) -> Mask:
+        """Whether points lie over an opening: the mold goes on under an edge.
+
+        Args:
+            points: Points in the mold frame, shape (..., 3), in [m].
+
+        Returns:
+            Shape (...); nowhere, as a height field has no openings.
+        """
+        return np.zeros(np.shape(points)[:-1], bool)
+
 
 def _lattice(
     low: Array, high: Array, step: float

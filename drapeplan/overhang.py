@@ -25,6 +25,7 @@ LAYER = 2e-3  # [m] heights that share one look for the way out from under an ed
 LOOKS = 400  # [-] looks between a hidden place and the open air beside it
 WORST = 12  # [-] hidden places that are measured so closely
 RIM_LOOKS = 16  # [-] looks around the rim of a pad
+OPENING = 0.1e-3  # [m] by which a gap is more than the distance over an opening
 SEEN = 1e-6  # [m] how near its highest point a face lies that is seen from above
 
 Near = Callable[[Array, Array], Mask]
@@ -106,6 +107,21 @@ class OverhungGrid(HeightGrid):
         off = ~in_cells(np.ascontiguousarray(flat), cells, *self.origin, *self.step)
         off[off] = ~self.inside(*flat[off, :2].T)  # on a rim that is one row of nodes
         return np.where(off.reshape(gap.shape), beside, gap)
+
+    def opening(self, points: ArrayLike) -> Mask:
+        """Whether points lie over an opening: what is below is further than an edge.
+
+        There the gap jumps from the edge to the floor, so a step aside of a tenth of a
+        millimeter changes it by as much as the opening is deep.
+
+        Args:
+            points: Points in the mold frame, shape (..., 3), in [m].
+
+        Returns:
+            Shape (...).
+        """
+        grid = self.distances
+        return np.asarray(grid.gap(points) - grid.nearest(points) > OPENING)
 
 
 def mold_of(

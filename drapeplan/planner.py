@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from drapeplan.cell import (
     Cell,
     build_cell,
-    check_placement,
     fill_surface,
     read_sources,
 )
@@ -100,7 +99,6 @@ def make_plan(
     tell = progress or (lambda stage, share: None)
     tell("mold and robot", 0.0)
     cell = build_cell(scene, read_sources(scene, folder))
-    check_placement(cell, source)
     sequence = make_sequence(scene.sequence, cell.grid.rows, cell.grid.columns, source)
     made = plan_drape(cell, sequence, progress, watch)
     _, choice = chosen_path(scene, cell.mold, cell.grid)

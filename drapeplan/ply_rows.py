@@ -33,8 +33,9 @@ class PlyRows:
             laid: Cup poses with all cups on the mold, world, (n, 3) and (n, 3, 3).
         """
         self.cell, self._to_mold = cell, inverse(cell.world_mold)
-        gap = self._gaps(*laid)[1]
-        self._laid, self._beside = gap, gap >= FAR
+        points, gap = self._gaps(*laid)
+        self._laid = gap
+        self._nowhere = (gap >= FAR) | cell.mold.opening(points)
         self._around = cell.sampling.cups_around
 
     def low(
@@ -50,7 +51,7 @@ class PlyRows:
             Indices into the samples, shape (r,), and heights, shape (r,), in [m].
         """
         height = self._gaps(*poses)[1] - self._laid
-        free = ~placed[self._around].all(axis=-1) & ~self._beside
+        free = ~placed[self._around].all(axis=-1) & ~self._nowhere
         height = np.where(free, height, np.inf).ravel()
         order = np.argsort(height, kind="stable")[:MOST]
         order = order[height[order] < LOW]

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from drapeplan.candidates import Candidate, candidates
-from drapeplan.cell import Cell, Sources, build_cell, check_placement, read_sources
+from drapeplan.cell import Cell, Sources, build_cell, read_sources
 from drapeplan.engine import Engine
 from drapeplan.errors import InfeasibleError
 from drapeplan.noise import Spread, draw
@@ -216,7 +216,6 @@ def rank_scene(
     """
     sources = read_sources(scene, folder)
     cell = build_cell(scene, sources)
-    check_placement(cell, source)
     ways = candidates(scene, cup_targets(cell), cell.grid.pitch)
     judge = Judge(scene, sources)
     with engine or Engine(os.cpu_count() or 1) as engine:

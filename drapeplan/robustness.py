@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drapeplan.contact import FAR
+from drapeplan.contact import FAR, Lid
 from drapeplan.engine import Engine
 from drapeplan.errors import InputError
 from drapeplan.frames import inverse, moved
@@ -208,7 +208,8 @@ def make_course(
     grid = _front_grid(plan)
     laid = grid.laid(track.placed[track.held])
     final_gap = np.where(grid.beside, 0.0, contact.gap[-1])
-    height = np.where(laid | grid.beside, np.inf, contact.gap - final_gap)
+    height = (contact.gap - final_gap)[:, *contact.lid]
+    height[laid | grid.beside] = np.inf
     live = np.asarray(height <= _reach(spread, cell.sampling))
     near = np.asarray(live.any(axis=(1, 2)) | laid.any(axis=(1, 2)))
     rests = _rests(plan, near)
@@ -232,7 +233,8 @@ def make_course(
         live[near],
         live[near] & grid.on_pads(track.landing[track.held][near]),
         np.where(laid[near], 0.0, top_height(front.tolerance)),
-        final_gap,
+        final_gap[contact.lid],
+        _moved(contact.lid),
         front.tolerance,
         contact.choice.model,
         plan.scene.ply.model != "cubic",
@@ -241,6 +243,13 @@ def make_course(
         table,
         equilibrium and depth == "tool",
     )
+
+
+def _moved(lid: Lid) -> NDArray[np.int_] | None:
+    """Flat indices of what stands for each sample; None where each is itself."""
+    shape = lid[0].shape
+    index = np.ravel_multi_index(lid, shape).ravel()
+    return None if (index == np.arange(index.size)).all() else index
 
 
 def _sample(course: Course, seed: int, index: int, spread: Spread) -> Rollout:

@@ -61,6 +61,8 @@ class Course:
         pads: Those on pads of cups on their way down, shape (K, nt, ns).
         still: Heights of the others, zero where they are laid, shape (K, nt, ns), [m].
         final_gap: Gap of the laid state, zero beside the mold, shape (nt, ns), in [m].
+        lid: Index of the sample that stands for each, shape (nt ns,): over openings of
+            the mold another one. None where each is itself.
         tolerance: What counts as touching, and as a barrier.
         model: Ply model on which the plan's verdict rests.
         bulges: Whether fibers outside the take-up bulge.
@@ -80,6 +82,7 @@ class Course:
     pads: Bools
     still: Array
     final_gap: Array
+    lid: NDArray[np.int_] | None
     tolerance: Tolerance
     model: PlyModel
     bulges: bool
@@ -304,7 +307,11 @@ def _judged(
     grid, touch, barrier = course.grid, course.tolerance.touch, course.tolerance.barrier
     live, pads = course.live[some], course.pads[some]
     at, final = np.flatnonzero(live), np.broadcast_to(course.final_gap, live.shape)
-    gap = course.cell.mold.gap(points.reshape(-1, 3).take(at, axis=0), beside=FAR)
+    read = at
+    if course.lid is not None:
+        sample = at % course.lid.size
+        read = at - sample + course.lid[sample]
+    gap = course.cell.mold.gap(points.reshape(-1, 3).take(read, axis=0), beside=FAR)
     h = course.still[some]
     h.reshape(-1)[at] = np.minimum(gap - final[live], course.top)
     depths = [

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from drapeplan.cell import Cell
-from drapeplan.contact import FAR, HIGH, front_grid, front_tolerance, ply_over_mold
+from drapeplan.contact import (
+    FAR,
+    HIGH,
+    Lid,
+    front_grid,
+    front_tolerance,
+    lid_of,
+    ply_over_mold,
+)
 from drapeplan.faults import ANCHORED, TOLD, Fault, Ring, Samples, window_faults
 from drapeplan.front import CORNERS
 from drapeplan.front_grid import FrontGrid
@@ -69,6 +77,7 @@ class StepWindow:
         cell: Robot, mold and ply.
         grid: Samples of the whole ply.
         final_gap: Gaps of the whole in the laid state, zero beside, (nt, ns), in [m].
+        lid: What stands for each of its samples; see `contact.lid_of`.
         tolerance: Tolerances of the check.
         rows: Rows of cups that the window has.
         columns: Columns of cups that it has.
@@ -79,12 +88,14 @@ class StepWindow:
     cell: Cell
     grid: FrontGrid
     final_gap: Array
+    lid: Lid
     tolerance: Tolerance
     rows: range
     columns: range
     cups: NDArray[np.int64] = field(init=False)
     lines: tuple[slice, slice] = field(init=False)
     _sampling: PlySampling = field(init=False, repr=False)
+    _own_lid: Lid = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Cut the window out of the whole."""
@@ -101,6 +112,11 @@ class StepWindow:
         t = whole.t[lines[0]] - self.rows.start * pitch
         s = whole.s[lines[1]] - self.columns.start * pitch
         object.__setattr__(self, "cups", cups)
+        own_lid = (
+            np.clip(found[tuple(lines)] - line.start, 0, line.stop - line.start - 1)
+            for found, line in zip(self.lid, lines, strict=True)
+        )
+        object.__setattr__(self, "_own_lid", tuple(own_lid))
         object.__setattr__(self, "lines", tuple(lines))
         object.__setattr__(self, "_sampling", PlySampling(small, s, t))
 
@@ -122,11 +138,12 @@ class StepWindow:
             rows: Rows of cups that the window has.
             columns: Columns of cups that it has.
         """
-        gap = ply_over_mold(cell, laid[0][None], laid[1][None])[1][0]
-        beside = gap >= FAR
+        points, gaps = ply_over_mold(cell, laid[0][None], laid[1][None])
+        beside = gaps[0] >= FAR
         grid = front_grid(cell, start_cup, beside)
-        final = np.where(beside, 0.0, gap)
-        return cls(cell, grid, final, front_tolerance(cell), rows, columns)
+        final = np.where(beside, 0.0, gaps[0])
+        lid = lid_of(cell, points[0], grid)
+        return cls(cell, grid, final, lid, front_tolerance(cell), rows, columns)
 
     def heights(self, positions: Array, rotations: Array, laid: Bools) -> Array:
         """Heights of the window's samples above the laid state.
@@ -148,6 +165,7 @@ class StepWindow:
         np.minimum(h, HIGH, out=h)
         h[..., self.grid.beside[self.lines]] = HIGH
         h -= self.final_gap[self.lines]
+        h = h[..., *self._own_lid]
         h[..., laid] = 0.0
         return h
 

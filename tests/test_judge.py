@@ -1,10 +1,16 @@
 import numpy as np
 import pytest
 import trimesh
+import yaml
 from numpy.testing import assert_allclose
 
 from drapeplan.contact import FAR, judge_contact, ply_over_mold
+from drapeplan.mold import HeightGrid
+from drapeplan.noise import Spread, draw
+from drapeplan.overhang import OverhungGrid
 from drapeplan.planner import make_plan
+from drapeplan.robustness import make_course
+from drapeplan.rolling import roll
 from drapeplan.scene import scene_from
 from drapeplan.words import summary
 from tests.plans import EXAMPLES, panel, scene, stages
@@ -164,6 +170,41 @@ def test_a_hole_in_the_mold_vents(tmp_path):
     made = make_plan(mesh_scene(tmp_path, (0.5, 0.6), hole), EXAMPLES, "test")
     assert made.plan.verdict["good"]
     assert 0.01 < made.plan.verdict["laid"]["beside_mold_share"] < 0.02
+
+
+def channel_scene(**sections):
+    """The example with a channel, a column of samples on each of its edges."""
+    data = yaml.safe_load((EXAMPLES / "channel.yaml").read_text(encoding="utf-8"))
+    data |= {"sequence": {"start": [3, 2]}, "ply": {"sample_mm": 5}} | sections
+    return scene_from(data, "test")
+
+
+def test_edges_of_an_opening_are_not_met_from_the_side(monkeypatch):
+    """Cups 0.3 mm aside: the gap at the edges jumps by up to 11 mm."""
+    made = stages(channel_scene())
+    wave = made[3]
+    aside = wave.positions.copy()
+    aside[1:-1, :, 0] += 0.3e-3
+    found = contact(made, aside).front
+    assert found.passed
+    assert found.span_penetration.max() < 0.2e-3
+    assert found.highest.value == pytest.approx(0.0257, abs=1e-4)
+    monkeypatch.setattr(OverhungGrid, "opening", HeightGrid.opening)
+    assert contact(made, aside).front.span_penetration.max() > 5e-3
+
+
+def test_samples_see_openings_as_their_plan_does(tmp_path):
+    tool, start = tool_section(tmp_path), {"start": [1, 1]}
+    near = {"mold_point_m": [0.055, 0.0]}
+    asked = {"placement": near, "fidelity": FAST, "sequence": start, "tool": tool}
+    made = make_plan(channel_scene(robot={"name": "none"}, **asked), EXAMPLES, "test")
+    course = make_course(made.plan, Spread())
+    poses, cups = course.rests.fixed.shape
+    found = roll(course, draw(0, 0, cups, poses), Spread())
+    deepest = made.contact.front.span_penetration.max()
+    assert course.lid is not None
+    assert found.span_press == pytest.approx(deepest, abs=20e-6)
+    assert not found.wrong
 
 
 def _summary(made):

@@ -108,6 +108,17 @@ def test_where_nothing_overhangs_both_molds_say_the_same():
         assert_allclose(full.gap(points), plain.gap(points), atol=SAME)
 
 
+def test_openings_are_where_the_mold_goes_on_below():
+    mold = OverhungGrid.from_mesh(*channel())
+    x = np.linspace(-0.05, 0.05, 201)
+    for z in (-0.001, 0.0, 0.0003):
+        points = np.stack([x, 0 * x, z + 0 * x], axis=-1)
+        opening = mold.opening(points)
+        assert opening[abs(x) < 0.018].all()
+        assert not opening[abs(x) > 0.0203].any()
+    assert not HeightGrid.from_mesh(*cap()).opening(points).any()
+
+
 def test_beside_the_mold_the_gap_is_given():
     vertices, faces = channel()
     mold = OverhungGrid.from_mesh(vertices, faces)

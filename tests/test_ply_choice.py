@@ -15,7 +15,7 @@ from tests.plans import SADDLE, scene, stages
 from tests.test_held_ply import flat, with_ply
 
 FULL = PlyModel("modal", gravity=True, droop=True)
-SMALL = 2e-5  # [m] distances below which an estimate need not bound them
+SMALL = 3e-5  # [m] distances below which an estimate need not bound them
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_the_estimate_bounds_what_coupled_patches_change(saddle, path):
 
 
 def test_where_coupling_may_matter_the_worst_patches_are_solved(saddle, path):
-    cell = with_tolerance(saddle[0], 0.1)
+    cell = with_tolerance(saddle[0], 0.07)
     choice, _ = choose_ply(cell, *path)
     effect = choice.effects[3]
     assert effect.size > choice.tolerance
