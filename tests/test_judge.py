@@ -172,16 +172,17 @@ def test_a_hole_in_the_mold_vents(tmp_path):
     assert 0.01 < made.plan.verdict["laid"]["beside_mold_share"] < 0.02
 
 
-def channel_scene(**sections):
-    """The example with a channel, a column of samples on each of its edges."""
+def channel_scene(folder):
+    """A channel between two columns of cups, a column of samples on each edge."""
     data = yaml.safe_load((EXAMPLES / "channel.yaml").read_text(encoding="utf-8"))
-    data |= {"sequence": {"start": [3, 2]}, "ply": {"sample_mm": 5}} | sections
-    return scene_from(data, "test")
+    data |= {"sequence": {"start": [1, 1]}, "ply": {"sample_mm": 5}, "fidelity": FAST}
+    data |= {"placement": {"mold_point_m": [0.055, 0.0]}, "robot": {"name": "none"}}
+    return scene_from(data | {"tool": tool_section(folder)}, "test")
 
 
-def test_edges_of_an_opening_are_not_met_from_the_side(monkeypatch):
-    """Cups 0.3 mm aside: the gap at the edges jumps by up to 11 mm."""
-    made = stages(channel_scene())
+def test_edges_of_an_opening_are_not_met_from_the_side(tmp_path, monkeypatch):
+    """Cups 0.3 mm aside: the gap at the edges jumps by millimeters."""
+    made = stages(channel_scene(tmp_path))
     wave = made[3]
     aside = wave.positions.copy()
     aside[1:-1, :, 0] += 0.3e-3
@@ -194,10 +195,7 @@ def test_edges_of_an_opening_are_not_met_from_the_side(monkeypatch):
 
 
 def test_samples_see_openings_as_their_plan_does(tmp_path):
-    tool, start = tool_section(tmp_path), {"start": [1, 1]}
-    near = {"mold_point_m": [0.055, 0.0]}
-    asked = {"placement": near, "fidelity": FAST, "sequence": start, "tool": tool}
-    made = make_plan(channel_scene(robot={"name": "none"}, **asked), EXAMPLES, "test")
+    made = make_plan(channel_scene(tmp_path), EXAMPLES, "test")
     course = make_course(made.plan, Spread())
     poses, cups = course.rests.fixed.shape
     found = roll(course, draw(0, 0, cups, poses), Spread())
