@@ -120,10 +120,11 @@ class NewtonCloth(AbstractPeer):
             step: Time step, over the time of the stiffest spring.
             options: What the solver takes.
         """
-        import newton
         import warp
 
-        warp.config.quiet = True
+        warp.config.log_level = warp.LOG_ERROR  # newton's import reads it
+        import newton
+
         self._mesh = float(cloth.s[1] - cloth.s[0])
         builder = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
         for place, held in zip(cloth.flat / self._mesh, cloth.held, strict=True):
