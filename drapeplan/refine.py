@@ -73,20 +73,10 @@ class Stops:
             time: Waypoint and share of the way to the next, shape (m,), none whole.
         """
         k = np.floor(time).astype(int)
-        share = (time - k)[:, None, None]
-        step = self.positions[k + 1] - self.positions[k]
-        turn = share * rotation_vectors(self.rotations[k], self.rotations[k + 1])
-        turned = Rotation.from_rotvec(turn.reshape(-1, 3)).as_matrix()
-        frames = self.rotations[k]
         placed = self.placed[k] & self.placed[k + 1]
         landing = self.landing[k] | self.landing[k + 1] | self.placed[k + 1]
-        return Stops(
-            time,
-            self.positions[k] + share * step,
-            turned.reshape(frames.shape) @ frames,
-            placed,
-            landing & ~placed,
-        )
+        poses = straight_between(self.poses, time)
+        return Stops(time, *poses, placed, landing & ~placed)
 
     def joined(self, other: Stops) -> tuple[Stops, Ints]:
         """Both in the order of time, and that order."""
@@ -98,6 +88,28 @@ class Stops:
         )
         order = np.argsort(both.time, kind="stable")
         return both.some(order), order
+
+
+def straight_between(
+    poses: tuple[Floats, Floats], time: Floats
+) -> tuple[Floats, Floats]:
+    """Cup poses between waypoints: they go straight and turn evenly.
+
+    Args:
+        poses: Positions and rotations at the waypoints, shapes (K, n, 3) in [m] and
+            (K, n, 3, 3).
+        time: Waypoint and share of the way to the next, shape (m,), none whole.
+
+    Returns:
+        The same there, shapes (m, n, 3) and (m, n, 3, 3).
+    """
+    positions, rotations = poses
+    k = np.floor(time).astype(int)
+    share = (time - k)[:, None, None]
+    turn = share * rotation_vectors(rotations[k], rotations[k + 1])
+    turned = Rotation.from_rotvec(turn.reshape(-1, 3)).as_matrix()
+    step, frames = positions[k + 1] - positions[k], rotations[k]
+    return positions[k] + share * step, turned.reshape(frames.shape) @ frames
 
 
 def judge_between(

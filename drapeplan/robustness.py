@@ -33,6 +33,7 @@ Depth = Literal["poses", "tool"]
 
 NEAR = 0.02  # [m] ply that is higher is out of reach of errors of common size
 SPREADS = 6  # [-] as far off as errors of any size are thought to come
+SHARES = np.array([0.25, 0.5, 0.75])  # [-] of the way on which cups come to stand
 ALONE = 32  # [-] most samples for what one parameter does alone
 WORTH = 400  # [-] samples from which more processes repay their start
 
@@ -209,12 +210,21 @@ def make_course(
     laid = grid.laid(track.placed[track.held])
     final_gap = np.where(grid.beside, 0.0, contact.gap[-1])
     height = (contact.gap - final_gap)[:, *contact.lid]
-    height[laid | grid.beside] = np.inf
-    live = np.asarray(height <= _reach(spread, cell.sampling))
-    near = np.asarray(live.any(axis=(1, 2)) | laid.any(axis=(1, 2)))
+    low = (height <= _reach(spread, cell.sampling)) & ~grid.beside
+    near = np.asarray((low & ~laid).any(axis=(1, 2)) | laid.any(axis=(1, 2)))
     rests = _rests(plan, near)
-    front, fixed = contact.front, rests.fixed
+    front, fixed, low, laid = contact.front, rests.fixed, low[near], laid[near]
+    lands = np.flatnonzero((fixed[1:] & ~fixed[:-1]).any(axis=1))
+    landings = np.ravel(lands[:, None] + SHARES)
+    down = track.landing[track.held][near]
+    after = np.repeat(lands, len(SHARES))
+    pose = np.append(np.arange(len(low)), after)  # of which each has cups and laid ply
+    low = np.concatenate([low, low[after] | low[after + 1]])
+    down = np.concatenate([down, down[after] | (fixed[after + 1] & ~fixed[after])])
+    laid = laid[pose]
+    live = low & ~laid
     wave = np.array(track.phase)[track.held][near] == "wave"
+    step = np.where(wave, track.step[track.held][near] + 1, 0)[pose]
     equilibrium = plan.scene.fidelity == "equilibrium"
     table = None
     if equilibrium and depth == "poses" and spread.stiffness:
@@ -226,19 +236,20 @@ def make_course(
     links = cell.robot.tool.interlinks
     return Course(
         rests,
-        np.where(wave, track.step[track.held][near] + 1, 0),
+        landings,
+        step,
         len(plan.sequence.steps) + 1,
         LinkKeeper(links, *rests.poses, ~fixed) if keep_links else None,
         grid,
-        live[near],
-        live[near] & grid.on_pads(track.landing[track.held][near]),
-        np.where(laid[near], 0.0, top_height(front.tolerance)),
+        live,
+        live & grid.on_pads(down),
+        np.where(laid, 0.0, top_height(front.tolerance)),
         final_gap[contact.lid],
         _moved(contact.lid),
         front.tolerance,
         contact.choice.model,
         plan.scene.ply.model != "cubic",
-        type(sides)(sides.s[near], sides.t[near]),
+        type(sides)(sides.s[near][pose], sides.t[near][pose]),
         _far(front.premature_margin, front.air_margin, near),
         table,
         equilibrium and depth == "tool",

@@ -1,9 +1,10 @@
 """Rolling: one sample of a plan under noise, from its random numbers to its margins.
 
 A sample takes the plan's waypoints near the mold, gives the cups their errors, hangs
-the ply between them, and judges the order of contact as the plan itself is judged. What
-stays as planned: placed cups and the ply between them, the ply's model, and the laid
-state above which heights count.
+the ply between them, and judges the order of contact as the plan itself is judged: at
+the waypoints, and on the way from the last one to where cups stand. What stays as
+planned: placed cups and the ply between them, the ply's model, and the laid state above
+which heights count.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from drapeplan.noise import (
     registered,
     turned,
 )
+from drapeplan.refine import straight_between
 from drapeplan.resettle import Poses, Rests, StiffnessTable
 from drapeplan.verdict import Tolerance
 from ply.sag import with_sag
@@ -49,17 +51,19 @@ AT_ONCE = 16  # [-] poses at a time: their samples stay in the cache
 
 @dataclass(frozen=True)
 class Course:
-    """What all samples of a plan share; K waypoints near the mold.
+    """What all samples of a plan share; M poses, at and between K waypoints.
 
     Attributes:
-        rests: The waypoints, with the cell.
-        step: Wave step of each, 0 while the start cup lands, shape (K,).
+        rests: The waypoints near the mold, with the cell.
+        landings: Waypoint and share of the way to the next one of the poses between,
+            which come after the waypoints, shape (M - K,).
+        step: Wave step of each pose, 0 while the start cup lands, shape (M,).
         steps: Number of steps, the start cup's included.
         keeper: Keeps the links' lengths; None where errors are independent.
         grid: Samples of the ply.
-        live: Samples that errors may bring near the mold, shape (K, nt, ns).
-        pads: Those on pads of cups on their way down, shape (K, nt, ns).
-        still: Heights of the others, zero where they are laid, shape (K, nt, ns), [m].
+        live: Samples that errors may bring near the mold, shape (M, nt, ns).
+        pads: Those on pads of cups on their way down, shape (M, nt, ns).
+        still: Heights of the others, zero where they are laid, shape (M, nt, ns), [m].
         final_gap: Gap of the laid state, zero beside the mold, shape (nt, ns), in [m].
         lid: Index of the sample that stands for each, shape (nt ns,): over openings of
             the mold another one. None where each is itself.
@@ -74,6 +78,7 @@ class Course:
     """
 
     rests: Rests
+    landings: Array
     step: NDArray[np.int_]
     steps: int
     keeper: LinkKeeper | None
@@ -156,7 +161,10 @@ def roll(course: Course, sample: Draw, spread: Spread) -> Rollout:
         return replace(lost, stable=False)
     poses, link_error = disturbed(course, settled, sample, spread)
     seen = as_registered(poses, sample, spread)  # the ply goes along with its cups
-    margins, places, depths = _measured(course, seen, sample, spread)
+    pairs = zip(seen, straight_between(seen, course.landings), strict=True)
+    positions, rotations = (np.concatenate(pair) for pair in pairs)
+    found = _measured(course, (positions, rotations), sample, spread)
+    margins, places, depths = found
     by_step = np.full((2, course.steps), np.inf)
     for one, row, far in zip(margins, by_step, course.far, strict=True):
         np.minimum.at(row, course.step, one)
@@ -208,7 +216,7 @@ def _settled(course: Course, sample: Draw, spread: Spread) -> Poses | None:
 def _measured(
     course: Course, poses: Poses, sample: Draw, spread: Spread
 ) -> tuple[Array, Ints, Array]:
-    """What `_judged` finds in all poses, shapes (2, K)."""
+    """What `_judged` finds in all poses, shapes (2, M)."""
     cell = _with_ply(course.cell, sample, spread)
     margins, depths = np.empty((2, 2, len(course.live)))
     places = np.empty(margins.shape, np.int64)

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from drapeplan.contact import HIGH
+from drapeplan.contact import FAR, HIGH
+from drapeplan.frames import inverse, moved
 from drapeplan.front import check_front
+from drapeplan.held_ply import held_fibers, held_points
 from drapeplan.noise import Spread, draw
+from drapeplan.refine import Stops
 from drapeplan.robustness import make_course
 from drapeplan.rolling import CAP, disturbed, roll
 from tests.courses import wave_plan
@@ -34,12 +37,21 @@ def sample(course, index=0):
     return draw(0, index, cups, poses)
 
 
-def at_waypoints(plan, course):
-    """The front check on the plan's own gaps, all waypoints."""
+def at_stops(plan, course):
+    """The front check on the plan's own gaps, at waypoints and where cups land."""
     contact, track = plan.judged[1], plan.track
-    gap = np.where(contact.beside, HIGH, np.minimum(contact.gap, HIGH))
-    final = np.where(contact.beside, 0.0, contact.gap[-1])
     cups = track.placed[track.held], track.landing[track.held]
+    to_mold = inverse(plan.cell.world_mold)
+    poses = moved(to_mold, *(pose[track.held] for pose in track.poses))
+    stops = Stops.at_waypoints(poses, *cups)
+    first = len(stops.time) - len(course.rests.fixed)
+    stops = stops.joined(stops.between(course.landings + first))[0]
+    fibers = held_fibers(plan.cell, *stops.poses, course.model)
+    points = held_points(plan.cell, fibers, *stops.poses, course.model)
+    gap = plan.cell.mold.gap(points, beside=FAR)
+    final = np.where(contact.beside, 0.0, contact.gap[-1])
+    gap = np.where(contact.beside, HIGH, np.minimum(gap, HIGH))
+    cups = stops.placed, stops.landing
     return check_front(gap, final, course.grid, *cups, course.tolerance)
 
 
@@ -49,7 +61,7 @@ def test_without_errors_it_is_the_plan(kind, take_up):
     course = make_course(plan, Spread())
     assert course.model.name == ("cubic" if kind == "flat" else "modal")
     found = roll(course, sample(course), Spread())
-    front = at_waypoints(plan, course)
+    front = at_stops(plan, course)
     for margins, planned in (
         (found.premature, front.premature_margin),
         (found.air, front.air_margin),
