@@ -16,9 +16,10 @@ from drapeplan.plan import Plan
 
 SAMPLES, FEW = 60, 4  # [-] to compare by; when quick
 QUICK = ("flat", "saddle (-1.5, 1.8)")
-VARIANTS: dict[str, dict] = {  # keys that one of them leaves out are the steep path's
+STEEP = {"lift_per_m": 0.6}  # a path that states a key has the usual ones for others
+VARIANTS: dict[str, dict] = {
     "from the mold": {},
-    "steep": {"path": {"lift_per_m": 0.6}},
+    "steep": {"path": STEEP},
     "wide along s": {
         "path": {
             "lift_per_m": [0.205, 0.475],
@@ -27,7 +28,7 @@ VARIANTS: dict[str, dict] = {  # keys that one of them leaves out are the steep 
             "toe_up_deg": 4.44,
         }
     },
-    "twice the poses": {"path": {"poses_per_step": 20}},
+    "twice the poses": {"path": {**STEEP, "poses_per_step": 20}},
     "lift 0.35": {"path": {"lift_per_m": 0.35}},
     "lift 1.0": {"path": {"lift_per_m": 1.0}},
     "lift 1.0 along s": {"path": {"lift_per_m": [1.0, 0.6]}},
@@ -39,9 +40,9 @@ VARIANTS: dict[str, dict] = {  # keys that one of them leaves out are the steep 
     "toe-up 1": {"path": {"toe_up_deg": 1}},
     "toe-up 2": {"path": {"toe_up_deg": 2}},
     "toe-up 2, twice the poses": {"path": {"toe_up_deg": 2, "poses_per_step": 20}},
-    "all sides": {"sequence": {"pattern": "all_sides"}},
-    "spine along s": {"sequence": {"pattern": "spine_s"}},
-    "spine along t": {"sequence": {"pattern": "spine_t"}},
+    "all sides": {"path": STEEP, "sequence": {"pattern": "all_sides"}},
+    "spine along s": {"path": STEEP, "sequence": {"pattern": "spine_s"}},
+    "spine along t": {"path": STEEP, "sequence": {"pattern": "spine_t"}},
     "radial": {"path": {"family": "radial"}},
     "radial, ties alone": {
         "path": {"family": "radial"},

@@ -134,7 +134,8 @@ def candidates(scene: Scene, net: Net, pitch: float) -> list[Candidate]:
     found = list(_distinct(_ways(scene, relief), relief))
     if isinstance(scene.sequence, SequenceSection):
         own = Candidate(scene.sequence, "as the scene has it")
-        found = [*found[: MOST - 1], own, *found[MOST - 1 :]]
+        first = 0 if scene.path.toe_up_steps else MOST - 1  # leans go with one order
+        found = [*found[:first], own, *found[first:]]
     return list(_distinct(found, relief))[:MOST]
 
 

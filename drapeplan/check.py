@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drapeplan.errors import DrapeplanError
+from drapeplan.families import RectangleBlendPath
 from drapeplan.frames import rotation_vectors
 from drapeplan.hanging import shifted
 from drapeplan.motion import ALIGNED, LANDED, WAITED, schedule
@@ -123,12 +124,17 @@ def _differences(plan: Plan) -> Iterator[str]:
     time = schedule(plan.cell, track.phase, track.step, track.tau, track.q)
     yield from _compare("waypoints.time_s", track.time, time)
     yield from _compare("scene", document["scene"], plan.scene.model_dump(mode="json"))
-    if told := document.get("path_choice"):
+    made = plan.cell.scene.path.model_dump(mode="json")
+    yield from _compare("scene.path", document["scene"]["path"], made)
+    told = document.get("path_choice")
+    if told and isinstance(plan.scene.path, RectangleBlendPath):
         choice = choice_of(plan.scene, plan.cell.mold, plan.cell.grid)
         yield from _compare("path_choice", told, asdict(choice))
         path = plan.scene.path.model_copy(update=choice.values())
         made = path.model_dump(mode="json")
         yield from _compare("scene.path", document["scene"]["path"], made)
+    elif told:
+        yield f"path_choice: the family {plan.scene.path.family} has none"
     surface = refill(plan.cell)
     if surface is not None:
         yield from _compare("mold", document["mold"], surface)

@@ -79,5 +79,5 @@ def tune(
 
     effort = Effort(budget, samples, held_out, AROUND if per_step else 0)
     wanted = Wanted(output, rollouts, effort, seed, search, surrogate, resume)
-    force = Workforce(workers or os.cpu_count() or 1, cluster)
+    force = Workforce(os.cpu_count() or 1 if workers is None else workers, cluster)
     return tune_command(scene, wanted, force, as_json)

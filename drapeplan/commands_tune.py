@@ -118,7 +118,7 @@ def tune_command(
     learned: list[str] = []
     propose = _proposer(space, seed, learned) if wanted.surrogate else None
     engine = Engine(workforce.workers, workforce.cluster)
-    with engine, show_progress(as_json) as progress:
+    with naming(scene), engine, show_progress(as_json) as progress:
         every = {**features, **label}
         tuner = Tuner(trials, engine, file, every, wanted.effort, progress)
         try:
@@ -169,9 +169,9 @@ def _check_options(
     if wanted.search not in (None, "equilibrium", "kinematic"):
         problem = f"no fidelity is called {wanted.search!r}"
         raise InputError("--search", "", problem, "equilibrium, kinematic")
-    if effort.per_step and (wanted.search or read.fidelity) == "kinematic":
+    if effort.per_step and "kinematic" in (wanted.search, read.fidelity):
         problem = "how cups lean shows at equilibrium alone"
-        raise InputError("--per-step", "", problem, "--search equilibrium")
+        raise InputError("--per-step", "", problem, "fidelity: equilibrium")
     given = read.sequence != "auto" and read.sequence.steps
     if given and read.path.family == "rectangle_blend":
         problem = "steps given freely are pressed down from a hover"
@@ -194,11 +194,15 @@ def _ranked(
 
 def _proposer(
     space: Space, seed: int, learned: list[str]
-) -> Callable[[list[Row]], PathSection]:
+) -> Callable[[list[Row]], PathSection | None]:
     """Asks a surrogate for a finalist, and notes how well it knows."""
 
-    def propose(rows: list[Row]) -> PathSection:
-        surrogate = fit_surrogate(rows)
+    def propose(rows: list[Row]) -> PathSection | None:
+        try:
+            surrogate = fit_surrogate(rows)
+        except InputError as error:
+            learned.append(f"No surrogate: {error}.")
+            return None
         learned.append(
             f"Surrogate: mean margin off by {surrogate.error:.3f} mm rms on trials "
             f"held out, {surrogate.naive:.3f} mm by the mean of the others."

@@ -141,12 +141,13 @@ def lid_of(cell: Cell, laid: Array, grid: FrontGrid) -> Lid:
         Indices along t and s, each of shape (nt, ns).
     """
     opening = cell.mold.opening(laid) & ~grid.beside & (grid.cup_index < 0)
-    i, j = distance_transform_edt(
-        opening,
+    nearest = distance_transform_edt(
+        opening | grid.beside,
         sampling=(np.diff(grid.t).mean(), np.diff(grid.s).mean()),
         return_distances=False,
         return_indices=True,
     )
+    i, j = np.where(opening, nearest, np.indices(opening.shape))
     return i, j
 
 

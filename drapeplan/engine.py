@@ -11,6 +11,7 @@ them; a batch whose worker dies is done again by another.
 from __future__ import annotations
 
 import pickle
+import re
 import signal
 import time
 import warnings
@@ -248,6 +249,9 @@ def _client(address: str) -> Client:
     except ImportError:
         remedy = "pip install 'drapeplan[cluster]'"
         raise InputError("--cluster", "", "needs Dask", remedy) from None
+    if not re.fullmatch(r"\w+://\S+:\d+", address):
+        problem = f"{address!r} is no address"
+        raise InputError("--cluster", "", problem, "such as tcp://host:8786")
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

@@ -8,7 +8,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import (
+    AfterValidator,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from drapeplan.section import Section, Size, Small
 
@@ -27,6 +33,18 @@ Lift = Annotated[float, Field(gt=0, le=STEEPEST)]
 Rim = Annotated[float, Field(ge=-20, le=100)]
 Toe = Annotated[float, Field(ge=0, le=10)]
 StepToe = tuple[Annotated[int, Field(ge=1)], Toe]
+
+
+def _once(steps: tuple[StepToe, ...]) -> tuple[StepToe, ...]:
+    """Each step has one angle."""
+    if len({number for number, _ in steps}) < len(steps):
+        raise ValueError("a step is named twice")
+    return steps
+
+
+StepToes = Annotated[
+    tuple[StepToe, ...], AfterValidator(_once), Field(description=STEPS)
+]
 
 
 def _one_or_pair(value: Any, checked: ValidatorFunctionWrapHandler) -> Any:
@@ -59,7 +77,7 @@ class FamilySection(Section):
 
     poses_per_step: Annotated[int, Field(ge=3, le=200)] = 10
     last_gap_mm: Small = 0.2
-    toe_up_steps: Annotated[tuple[StepToe, ...], Field(description=STEPS)] = ()
+    toe_up_steps: StepToes = ()
 
 
 class RectangleBlendPath(FamilySection):

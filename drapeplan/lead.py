@@ -170,6 +170,8 @@ class StrokeLead:
         while True:
             part = replace(program, G=csc_matrix(G[taken]), h=h[taken])
             solution = self.solver.solve(part)
+            if not solution.found:
+                return self.solver.solve(program)
             missed = (G @ solution.x > h + OPEN) & ~taken
             if not missed.any():
                 return solution

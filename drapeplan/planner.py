@@ -18,7 +18,7 @@ from drapeplan.cell import (
     read_sources,
 )
 from drapeplan.contact import Contact, judge_contact
-from drapeplan.errors import InfeasibleError
+from drapeplan.errors import InfeasibleError, InputError
 from drapeplan.explain import words
 from drapeplan.families import HoverPath, RectangleBlendPath, known
 from drapeplan.hanging import hang_shift, kinematic_lag, shifted
@@ -184,7 +184,13 @@ def make_request(cell: Cell, sequence: Sequence) -> Request:
 
     Raises:
         InfeasibleError: If there is no net of cup targets on the mold.
+        InputError: If a step leans by itself that the wave does not have.
     """
+    last = len(sequence.steps)
+    for number, _ in cell.scene.path.toe_up_steps:
+        if number > last:
+            problem = f"there is no step {number}"
+            raise InputError("scene", "path.toe_up_steps", problem, f"{last} is last")
     targets = cup_targets(cell)
     wave = request_wave(cell, targets, sequence)
     start = sequence.index(sequence.start_cup)

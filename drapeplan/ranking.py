@@ -22,6 +22,7 @@ from drapeplan.cell import Cell, Sources, build_cell, read_sources
 from drapeplan.engine import Engine
 from drapeplan.errors import InfeasibleError
 from drapeplan.noise import Spread, draw
+from drapeplan.path_choice import chosen_path
 from drapeplan.plan import Plan
 from drapeplan.plan_file import MOST_SAMPLES, CandidateRow, CandidatesBlock
 from drapeplan.planner import cup_targets, plan_drape
@@ -109,8 +110,9 @@ class Judge:
             question: The candidate, the fidelity, and a number of samples or 0.
         """
         candidate, fidelity, samples = question
-        scene = candidate.applied(self.cell.scene)
+        scene = candidate.applied(self.scene)
         scene = scene.model_copy(update={"fidelity": fidelity})
+        scene, _ = chosen_path(scene, self.cell.mold, self.cell.grid)
         cell = replace(self.cell, scene=scene)
         rows, columns = cell.grid.rows, cell.grid.columns
         sequence = make_sequence(scene.sequence, rows, columns, "scene")

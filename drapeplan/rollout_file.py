@@ -85,7 +85,7 @@ class RolloutFile:
         for key, value in self.made_from.items():
             if made_from.get(key) != value:
                 problem = f"is of another {key}, so its rollouts are others too"
-                raise InputError(str(self.path), "", problem, "leave --resume out")
+                raise InputError(str(self.path), "", problem, "name another file")
         self._take(table.to_pylist())
 
     def row(self, stage: str, values: Values, sample: int | None) -> Row | None:
@@ -103,13 +103,15 @@ class RolloutFile:
         return sorted(self._rows.values(), key=_place)
 
     def write(self) -> None:
-        """Write the file, whole or not at all.
+        """Write the file, whole or not at all; without rows there is none.
 
         Raises:
             InputError: It cannot be written.
         """
         start = time.monotonic()
         rows = self.rows()
+        if not rows:
+            return
         more = sorted({name for row in rows[:1] for name in row} - set(FIELDS))
         fields = [*FIELDS.items(), *((name, pa.float64()) for name in more)]
         metadata = {"drapeplan": json.dumps({"format": FORMAT, **self.made_from})}

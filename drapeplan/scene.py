@@ -279,6 +279,8 @@ class Scene(Section):
     @model_validator(mode="after")
     def _family_fits_the_order(self) -> Scene:
         if self.sequence == "auto":
+            if self.path.toe_up_steps:
+                raise ValueError("path.toe_up_steps needs a sequence that is known")
             return self
         pattern, family = self.sequence.pattern, self.path.family
         if pattern == "radial" and family == "rectangle_blend":

@@ -20,7 +20,7 @@ from drapeplan.equilibrium import (
     Settled,
     SettledStatus,
 )
-from drapeplan.errors import InfeasibleError, InputError
+from drapeplan.errors import InfeasibleError
 from drapeplan.families import PathSection, known
 from drapeplan.hanging import rides_level, tool_physics
 from drapeplan.lead import DEPTH, StrokeLead, Task
@@ -115,16 +115,9 @@ def settle_path(
 
 
 def _toe_up(section: PathSection, step: NDArray[np.int_]) -> Array:
-    """Lean of the cups that land at each waypoint, shape (K,), in [rad].
-
-    Raises:
-        InputError: A step is named that the wave does not have.
-    """
+    """Lean of the cups that land at each waypoint, shape (K,), in [rad]."""
     angles = np.full(len(step), known(section.toe_up_deg))
     for number, angle in section.toe_up_steps:
-        if number > step.max() + 1:
-            problem, remedy = f"there is no step {number}", f"{step.max() + 1} is last"
-            raise InputError("scene", "path.toe_up_steps", problem, remedy)
         angles[step == number - 1] = angle
     return np.radians(angles)
 

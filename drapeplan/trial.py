@@ -35,7 +35,7 @@ class Question:
     Attributes:
         path: The path.
         samples: Indices of the random samples.
-        stage: Of the tuning: "search", "ranking" or "confirmation".
+        stage: Of the tuning: "search", "steps", "ranking" or "confirmation".
     """
 
     path: Path
@@ -101,7 +101,7 @@ class Trials:
         self, path: Path, stage: str
     ) -> tuple[Plan | None, Spread, Course | None, Row]:
         """A plan with what its samples share, or None, and what is known of it."""
-        search = stage == "search"
+        search = stage in ("search", "steps")
         fidelity = self.searched if search else self.scene.fidelity
         scene = self.scene.model_copy(update={"path": path, "fidelity": fidelity})
         spread = Spread.of(scene.uncertainty)

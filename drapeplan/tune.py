@@ -127,11 +127,11 @@ class Tuner:
         self.begun, self.ran = time.monotonic(), 0
         self.best: Judged | None = None
 
-    def run(self, propose: Callable[[list[Row]], Path] | None = None) -> Tuning:
+    def run(self, propose: Callable[[list[Row]], Path | None] | None = None) -> Tuning:
         """Search, rank, choose and confirm.
 
         Args:
-            propose: Names one more finalist from the rows of the search.
+            propose: Names one more finalist from the rows of the search, or none.
         """
         scene = self.trials.scene.path
         try:
@@ -140,8 +140,9 @@ class Tuner:
             paths["luckiest"] = luckiest
             if self.effort.per_step:
                 paths["steps"] = self._by_step([mean, luckiest])
-            if propose:
-                paths["surrogate"] = propose(self.file.rows())
+            proposed = propose(self.file.rows()) if propose else None
+            if proposed:
+                paths["surrogate"] = proposed
             ranked = self._judge(list(paths.values()), "ranking", RANKED)
             finalists = [Finalist(*pair) for pair in zip(paths, ranked, strict=True)]
             chosen = choose(finalists)

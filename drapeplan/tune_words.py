@@ -36,7 +36,8 @@ def tuning_lines(found: Tuning, space: Space, surrogate: list[str]) -> list[str]
     after = space.values(found.after.path)
     moved = [name for name in after if after[name] != before[name]]
     changes = (f"{name} {before[name]:g} to {after[name]:g}" for name in moved)
-    lean = [f"toe-up of step {k} {angle:g} deg" for k, angle in _steps(found.after)]
+    leans = [one for one in _steps(found.after) if one not in _steps(found.before)]
+    lean = [f"toe-up of step {k} {angle:g} deg" for k, angle in leans]
     lines.append("Path: " + ", ".join([*changes, *lean]) + ".")
     lines.append(gain_sentence(gain(found)))
     return lines

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drapeplan.candidates import MOST, Candidate, Relief, candidates
+from drapeplan.errors import InputError
 from drapeplan.net import Net
 from drapeplan.orders import SequenceSection
 from drapeplan.sequence import make_sequence
@@ -90,6 +91,18 @@ def test_what_the_scene_names_is_among_them():
     steps = [[[0, 0]], [[1, 1]], [[0, 1], [1, 0]]]
     found = candidates(scene(sequence={"steps": steps}), net_over(height, 2, 2), PITCH)
     assert found[-1].why == "as the scene has it"
+
+
+def test_steps_that_lean_by_themselves_stay_with_their_order():
+    """Also where the scene names no order, and the first way is the same."""
+    leans = {"family": "rectangle_blend", "toe_up_steps": [[1, 4.0]]}
+    read = scene(path=leans)
+    found = candidates(read, net_over(paraboloid(1.0, 0.5)), PITCH)
+    assert found[0].why == "as the scene has it"
+    assert found[0].applied(read).path.toe_up_steps == ((1, 4.0),)
+    assert all(not one.applied(read).path.toe_up_steps for one in found[1:])
+    with pytest.raises(InputError, match="toe_up_steps"):
+        scene(path=leans, sequence="auto")
 
 
 def test_rings_have_starts_alone_to_choose():

@@ -45,11 +45,14 @@ def surface(code, *words, **section):
     )
 
 
+LEANS = {"family": "rectangle_blend"}
 FAR = {"surface": PARABOLOID, "position_m": [3.0, 0.0, 0.2]}
 CASES = [
     unreadable("sequence", {"start": [8, 0]}, "sequence.start", "[8, 0]", "8 rows"),
     unreadable("sequence", {"start": [0, 6]}, "sequence.start", "columns 0-5"),
     unreadable("sequence", {"steps": [[[3, 2]]]}, "sequence.steps", "never placed"),
+    unreadable("path", LEANS | {"toe_up_steps": [[99, 5]]}, "no step 99", "7 is last"),
+    unreadable("path", LEANS | {"toe_up_steps": [[1, 5], [1, 6]]}, "twice"),
     unreadable("placement", {"cup": [8, 6]}, "placement.cup", "outside the tool"),
     unreadable("tool", {"name": "hand"}, "tool.name", "hand", "drape_tool_6x8"),
     unreadable("tool", {"urdf": "no.urdf"}, "no.urdf", "cannot be read"),

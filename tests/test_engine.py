@@ -147,6 +147,12 @@ def test_no_cluster_is_bad_input(monkeypatch):
         pass
 
 
+@pytest.mark.parametrize("address", ["foo", "tcp://127.0.0.1:abc"])
+def test_what_is_no_address_is_bad_input(address):
+    with pytest.raises(InputError, match="no address"), Engine(cluster=address):
+        pass
+
+
 def test_errors_travel_as_they_are():
     error = pickle.loads(pickle.dumps(InputError("file", "key", "problem", "remedy")))
     assert str(error) == "file: key: problem; remedy"

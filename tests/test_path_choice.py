@@ -155,6 +155,7 @@ def test_a_plan_tells_what_it_chose(document):
         (["path_choice", "hollow_s_per_m"], 0.1, "path_choice.hollow_s_per_m"),
         (["path_choice", "wide"], 0.5, "path_choice.wide"),
         (["scene", "path", "toe_up_deg"], 2.1, "scene.path.toe_up_deg"),
+        (["scene", "path", "toe_up_deg"], None, "scene.path.toe_up_deg"),
     ],
 )
 def test_check_chooses_again(document, place, value, word):

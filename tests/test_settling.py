@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from drapeplan.closures import Chords, Closures
 from drapeplan.equilibrium import Equilibrium, SettledStatus
-from drapeplan.errors import InputError
 from drapeplan.frames import rotation_vectors
 from drapeplan.hanging import kinematic_lag, tool_physics
 from drapeplan.legs import STROKE, cup_poses, leg_coordinates
@@ -288,11 +287,3 @@ def test_one_step_leans_by_itself():
     assert_array_equal(other[steps != 1], usual[steps != 1])
     assert_allclose(other[first], usual[first] * 5.0 / path.toe_up_deg)
     assert usual[first].max() == pytest.approx(np.radians(path.toe_up_deg))
-
-
-def test_a_step_that_the_wave_does_not_have_is_bad_input():
-    made = small("dome")
-    path = made.cell.scene.path.model_copy(update={"toe_up_steps": ((99, 5.0),)})
-    cell = replace(made.cell, scene=made.cell.scene.model_copy(update={"path": path}))
-    with pytest.raises(InputError, match="there is no step 99"):
-        _Walk(cell, made.request.path, made.motion, lead=True)
