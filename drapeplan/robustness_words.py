@@ -24,7 +24,8 @@ NAMES = {
 }
 POSES = (
     "Cup errors stay for the whole drape, save for the share redrawn at each waypoint.",
-    "Placed cups and the ply between them are as planned; waypoints alone are judged.",
+    "Placed cups and the ply between them are as planned.",
+    "Waypoints are judged, and the way on which cups come to stand; no more between.",
     "Strips that noise makes slack bulge to the side that their cups favor.",
 )
 TABLE = "Stiffness moves the cups along a parabola through rests at two spreads off."
