@@ -35,8 +35,10 @@ are good:
 On the sphere alone rings are the fastest that are good: sides in turn take 34 s, with
 none wrong. Rings a pitch wide are as fast as all sides, with 38 wrong on the panel.
 
-Printed by `python -m benchmarks._choosing` from `benchmarks/results/ranking.json`; that
-is written by `python -m benchmarks ranking`, or `... ranking panel ridge` for some.
+The rings were planned and sampled one by one on 2026-11-22, with samples at waypoints
+alone. All that follows is printed by `python -m benchmarks._choosing` from
+`benchmarks/results/ranking.json`; that is written by `python -m benchmarks ranking`, or
+`... ranking panel ridge` for some.
 """
 TABLES = """## The tables
 
