@@ -102,7 +102,7 @@ def lines(block: CandidatesBlock) -> list[str]:
         found.append(
             "Without P: judged by a kinematic plan alone, which is optimistic."
         )
-    return found
+    return found + safer(block)
 
 
 def _said(row: CandidateRow) -> str:
@@ -111,8 +111,27 @@ def _said(row: CandidateRow) -> str:
     return f"{row.why}: {', '.join(row.not_good)}" if row.not_good else row.why
 
 
+def safer(block: CandidatesBlock) -> list[str]:
+    """A sentence if one that is not good is at clearly less risk than the best.
+
+    Args:
+        block: The candidates.
+    """
+    best, others = block.rows[0], [row for row in block.rows[1:] if row.samples]
+    low = share_interval(best.wrong, best.samples)[0] if best.samples else 0.0
+    less = [r for r in others if share_interval(r.wrong, r.samples)[1] < low]
+    if not less:
+        return []
+    row = min(less, key=lambda one: one.wrong_share)
+    why = "" if row.good else f", but not good ({', '.join(row.not_good)})"
+    return [
+        f"At less risk{why}: start {list(row.start)}, {row.pattern}, "
+        f"P {row.wrong_share:.2f} instead of {best.wrong_share:.2f}."
+    ]
+
+
 def taken(block: CandidatesBlock) -> str:
-    """One sentence on what a plan was chosen from.
+    """What a plan was chosen from.
 
     Args:
         block: The candidates.
@@ -122,4 +141,4 @@ def taken(block: CandidatesBlock) -> str:
     text = (
         f"Chosen from {count} candidates, {good} of them good: start {list(row.start)}"
     )
-    return f"{text}, {row.pattern} ({row.why})."
+    return " ".join([f"{text}, {row.pattern} ({row.why}).", *safer(block)])

@@ -195,6 +195,19 @@ def test_words_say_what_is_wrong_and_why():
     assert taken(BLOCK) == said
 
 
+def test_one_that_is_not_good_but_at_less_risk_is_told():
+    best = row(good=True, samples=64, wrong=40)
+    other = row(good=False, samples=64, wrong=4, not_good=["touch"])
+    block = CandidatesBlock(samples=64, seed=0, rows=[best, other])
+    said = lines(block)[-1]
+    assert "At less risk, but not good (touch)" in said
+    assert "P 0.06 instead of 0.62" in said
+    assert said in taken(block)
+    near = row(good=False, samples=64, wrong=35, not_good=["touch"])
+    block = CandidatesBlock(samples=64, seed=0, rows=[best, near])
+    assert not any("risk" in line for line in lines(block))
+
+
 def test_the_same_figure_twice(tmp_path):
     for name in ("a.png", "b.png"):
         pareto_figure(tmp_path / name, BLOCK, "title")
