@@ -38,6 +38,7 @@ AT_RISK = (
     "concave R = -1",
 )
 NAMES = (*SHIPPED, *AT_RISK)  # that can be asked for
+EFFORT = {"budget": 32}  # half of the default: four minutes a scene on two cores
 QUICK = {"budget": 8, "samples": 4, "held-out": 20}
 WORKERS = 2
 
@@ -46,7 +47,7 @@ def run(quick: bool, names: Sequence[str] = NAMES) -> dict:
     """Gain by scene; quick: a few simulations of the first, which are not kept."""
     result: dict = {}
     for name in names[:1] if quick else names:
-        found = result[name] = tuned(name, QUICK if quick else {})
+        found = result[name] = tuned(name, QUICK if quick else EFFORT)
         if not quick:
             keep(name, found)
         print(name, json.dumps(found), file=sys.stderr)
@@ -61,7 +62,8 @@ def tuned(name: str, effort: dict[str, int]) -> dict[str, Any]:
     file.unlink(missing_ok=True)
     command = [sys.executable, "-m", "drapeplan", "tune", str(scene), "--json"]
     command += ["-o", str(file.with_suffix(".yaml")), "--rollouts", str(file)]
-    command += ["--workers", str(WORKERS), *([] if effort else ["--per-step"])]
+    by_step = [] if effort is QUICK else ["--per-step"]
+    command += ["--workers", str(WORKERS), *by_step]
     command += [x for k, v in effort.items() for x in (f"--{k}", str(v))]
     start = time.perf_counter()
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -69,7 +71,8 @@ def tuned(name: str, effort: dict[str, int]) -> dict[str, Any]:
         "wall_s": round(time.perf_counter() - start, 1),
         "workers": WORKERS,
         "load": round(os.getloadavg()[0], 1),
-        "made": made_with(quick=bool(effort)),
+        "effort": effort,
+        "made": made_with(quick=effort is QUICK),
     }
     if ended.returncode not in (0, 1):
         return row | {"failed": ended.stderr}
