@@ -12,11 +12,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks._kept import keep
 from benchmarks.charts.results import made_with
 from benchmarks.robustness import SCENES
 from drapeplan.engine import Engine
 from drapeplan.errors import InfeasibleError
-from drapeplan.files import write_text
 from drapeplan.plan_file import CandidatesBlock
 from drapeplan.ranking import rank_scene
 from drapeplan.ranking_words import cells
@@ -35,7 +35,7 @@ def run(quick: bool, names: Sequence[str] = NAMES) -> dict:
     for name in names[:1] if quick else names:
         found = ranked(scene(name), 4 if quick else 64)
         if not quick:
-            keep(name, found)
+            keep(RESULTS, name, found, NAMES)
         result[name] = {k: v for k, v in found.items() if k not in ("made", "block")}
         if "block" in found:
             result[name]["table"] = table(CandidatesBlock(**found["block"]))
@@ -64,18 +64,6 @@ def ranked(read: Scene, samples: int) -> dict:
     wall = round(time.perf_counter() - start, 1)
     load = round(os.getloadavg()[0], 1)
     return {"wall_s": wall, "workers": WORKERS, "load": load, **found}
-
-
-def keep(name: str, found: dict) -> None:
-    """Put a scene's results among those of the others, in their order."""
-    every = kept() | {name: found}
-    ordered = {key: every[key] for key in NAMES if key in every}
-    write_text(RESULTS, json.dumps(ordered, indent=1, allow_nan=False) + "\n")
-
-
-def kept() -> dict[str, dict]:
-    """What was written last, by scene."""
-    return json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
 
 
 def table(block: CandidatesBlock) -> list[str]:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks._kept import keep
 from drapeplan.errors import InfeasibleError
-from drapeplan.files import write_text
 from drapeplan.plan import Plan
 from drapeplan.planner import make_plan
 from drapeplan.robustness import Robustness, robustness
@@ -66,15 +66,9 @@ def run(quick: bool, names: Sequence[str] = tuple(SCENES)) -> dict:
     for name in names[:2] if quick else names:
         result[name] = scene_row(name, samples)
         if not quick:
-            keep(name, result[name])
+            keep(RESULTS, name, result[name], tuple(SCENES))
         print(name, json.dumps(result[name]), file=sys.stderr)
     return result
-
-
-def keep(name: str, row: dict) -> None:
-    """Put a scene's row among those of the others."""
-    every = json.loads(RESULTS.read_text(encoding="utf-8")) | {name: row}
-    write_text(RESULTS, json.dumps(every, indent=2, allow_nan=False) + "\n")
 
 
 def scene_row(name: str, samples: int) -> dict:

@@ -17,10 +17,10 @@ from typing import Any
 
 import yaml
 
+from benchmarks._kept import keep
 from benchmarks.charts.results import made_with
 from benchmarks.robustness import SCENES
 from drapeplan.errors import InputError
-from drapeplan.files import write_text
 from drapeplan.intervals import share_interval
 from drapeplan.rollout_file import read_rollouts
 from drapeplan.surrogate import fit_surrogate
@@ -49,7 +49,7 @@ def run(quick: bool, names: Sequence[str] = NAMES) -> dict:
     for name in names[:1] if quick else names:
         found = result[name] = tuned(name, QUICK if quick else EFFORT)
         if not quick:
-            keep(name, found)
+            keep(RESULTS, name, found, NAMES)
         print(name, json.dumps(found), file=sys.stderr)
     result["one surrogate of all these"] = learned([*map(rollouts, result)])
     return result
@@ -120,21 +120,3 @@ def scene_file(name: str) -> Path:
     file = rollouts(name).with_suffix(".scene.yaml")
     file.write_text(yaml.safe_dump(data | {"ply": {"take_up_mm": take_up}}))
     return file
-
-
-def keep(name: str, found: dict) -> None:
-    """Put a scene's results among those of the others, in their order."""
-    every = kept() | {name: found}
-    ordered = {key: every[key] for key in NAMES if key in every}
-    write_text(RESULTS, json.dumps(ordered, indent=1, allow_nan=False) + "\n")
-
-
-def kept() -> dict[str, dict]:
-    """What was written last, by scene."""
-    return json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
-
-
-if __name__ == "__main__":
-    if unknown := set(sys.argv[1:]) - set(NAMES):
-        sys.exit(f"no scene is called {unknown.pop()}: {', '.join(NAMES)}")
-    run(False, sys.argv[1:] or NAMES)

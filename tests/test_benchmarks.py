@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import _choosing, mold, plan, ranking
+from benchmarks import _choosing, _kept, mold, plan, ranking
 from drapeplan.errors import InfeasibleError
 from drapeplan.plan_file import CandidatesBlock
 from tests.toy_rows import row
@@ -75,7 +75,7 @@ def kept(tmp_path, monkeypatch):
     monkeypatch.setattr(ranking, "scene", lambda name: name)
     monkeypatch.setattr(ranking, "rank_scene", rank_scene)
     monkeypatch.setattr(ranking, "made_with", lambda **_: {})
-    return ranking.kept
+    return lambda: _kept.kept(ranking.RESULTS)
 
 
 def test_a_stop_loses_no_scene_that_is_done(kept):

@@ -3,6 +3,7 @@
 import pytest
 
 from benchmarks import tune
+from benchmarks._kept import kept
 from drapeplan.scene import read_scene
 
 
@@ -24,11 +25,11 @@ def study(tmp_path, monkeypatch):
 def test_a_stop_loses_no_scene_that_is_done(study):
     with pytest.raises(KeyboardInterrupt):
         study.run(False, ("ridge", "step", "panel"))
-    assert list(study.kept()) == ["ridge"]
+    assert list(kept(study.RESULTS)) == ["ridge"]
     study.run(False, ("panel",))
-    assert list(study.kept()) == ["panel", "ridge"]
+    assert list(kept(study.RESULTS)) == ["panel", "ridge"]
     study.run(True, ("saddle",))
-    assert "saddle" not in study.kept()
+    assert "saddle" not in kept(study.RESULTS)
 
 
 @pytest.mark.parametrize("name", tune.NAMES)
