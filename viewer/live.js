@@ -61,13 +61,12 @@ extensions.push((app) => {
     if (!answer.ok) throw new Error(answer.statusText);
     const news = await answer.json();
     failed = 0;
-    since = news.since;
-    document.body.dataset.since = since;
     if (news.payload) {
       const { book, view } = await unpack(news.payload);
       growing.put(book.places, book.drape, view, book.moments);
       latest = book.places.at(-1);
     }
+    since = document.body.dataset.since = news.since; // once its poses are there
     if (follow.getAttribute("aria-pressed") === "true") app.show(latest);
     else if (news.payload) app.show(app.pose);
     text.textContent = news.text;
