@@ -61,6 +61,7 @@ def test_without_errors_it_is_the_plan(kind, take_up):
     course = make_course(plan, Spread())
     assert course.model.name == ("cubic" if kind == "flat" else "modal")
     found = roll(course, sample(course), Spread())
+    assert len(course.landings) == 3 * (course.steps - 1)  # the start stands already
     front = at_stops(plan, course)
     for margins, planned in (
         (found.premature, front.premature_margin),
