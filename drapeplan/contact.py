@@ -22,7 +22,7 @@ from ply.shape import PlyFibers
 
 Array = NDArray[np.float64]
 
-Lid = tuple[NDArray[np.int32], NDArray[np.int32]]
+Lid = tuple[NDArray[np.int32], NDArray[np.int32]] | None
 
 FAR = 1.0  # [m] gap of ply that hangs beside the mold: it meets nothing there
 HIGH = 0.2  # [m] gaps beyond are all the same to the front check
@@ -138,9 +138,11 @@ def lid_of(cell: Cell, laid: Array, grid: FrontGrid) -> Lid:
         grid: The samples; pads are never over an opening.
 
     Returns:
-        Indices along t and s, each of shape (nt, ns).
+        Indices along t and s, each of shape (nt, ns); None where nothing is open.
     """
     opening = cell.mold.opening(laid) & ~grid.beside & (grid.cup_index < 0)
+    if not opening.any():
+        return None
     nearest = distance_transform_edt(
         opening | grid.beside,
         sampling=(np.diff(grid.t).mean(), np.diff(grid.s).mean()),
@@ -149,6 +151,16 @@ def lid_of(cell: Cell, laid: Array, grid: FrontGrid) -> Lid:
     )
     i, j = np.where(opening, nearest, np.indices(opening.shape))
     return i, j
+
+
+def under_lid(values: Array, lid: Lid) -> Array:
+    """Values of samples, each taken from the one that stands for it.
+
+    Args:
+        values: Shape (..., nt, ns).
+        lid: Who stands for whom, of `lid_of`.
+    """
+    return values if lid is None else values[..., *lid]
 
 
 def front_tolerance(cell: Cell) -> Tolerance:
@@ -192,7 +204,7 @@ def judge_contact(
     tolerance = front_tolerance(cell)
 
     def seen(gap: Array) -> Array:
-        return np.where(beside, HIGH, np.minimum(gap, HIGH))[:, *lid]
+        return under_lid(np.where(beside, HIGH, np.minimum(gap, HIGH)), lid)
 
     def between(stops: Stops, new: NDArray[np.bool_]) -> Array:
         if choice.model.name == "cubic":
@@ -204,9 +216,13 @@ def judge_contact(
 
     if refined:
         stops = Stops.at_waypoints(poses, placed, landing)
-        front = judge_between(stops, seen(gap), final[lid], samples, tolerance, between)
+        front = judge_between(
+            stops, seen(gap), under_lid(final, lid), samples, tolerance, between
+        )
     else:
-        front = check_front(seen(gap), final[lid], samples, placed, landing, tolerance)
+        front = check_front(
+            seen(gap), under_lid(final, lid), samples, placed, landing, tolerance
+        )
     bridge = samples.spot(final, np.ones(final.shape, bool))
     front = replace(front, highest=bridge)
     return Contact(points, gap, beside, lid, front, choice, fibers, cell.mold)

@@ -123,8 +123,7 @@ def plan_drape(
         InfeasibleError: If the answer is no before all waypoints exist.
     """
     tell = progress or (lambda stage, share: None)
-    scene, _ = chosen_path(cell.scene, cell.mold, cell.grid)
-    cell = replace(cell, scene=scene)
+    scene = cell.scene
     tell("net and wave", 0.0)
     asked = make_request(cell, sequence)
     path, wave = asked.path, asked.wave

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drapeplan.contact import FAR, Lid
+from drapeplan.contact import FAR, Lid, under_lid
 from drapeplan.engine import Engine
 from drapeplan.errors import InputError
 from drapeplan.frames import inverse, moved
@@ -209,7 +209,7 @@ def make_course(
     grid = _front_grid(plan)
     laid = grid.laid(track.placed[track.held])
     final_gap = np.where(grid.beside, 0.0, contact.gap[-1])
-    height = (contact.gap - final_gap)[:, *contact.lid]
+    height = under_lid(contact.gap - final_gap, contact.lid)
     low = (height <= _reach(spread, cell.sampling)) & ~grid.beside
     near = np.asarray((low & ~laid).any(axis=(1, 2)) | laid.any(axis=(1, 2)))
     rests = _rests(plan, near)
@@ -244,7 +244,7 @@ def make_course(
         live,
         live & grid.on_pads(down),
         np.where(laid, 0.0, top_height(front.tolerance)),
-        final_gap[contact.lid],
+        under_lid(final_gap, contact.lid),
         _moved(contact.lid),
         front.tolerance,
         contact.choice.model,
@@ -258,9 +258,7 @@ def make_course(
 
 def _moved(lid: Lid) -> NDArray[np.int_] | None:
     """Flat indices of what stands for each sample; None where each is itself."""
-    shape = lid[0].shape
-    index = np.ravel_multi_index(lid, shape).ravel()
-    return None if (index == np.arange(index.size)).all() else index
+    return None if lid is None else np.ravel_multi_index(lid, lid[0].shape).ravel()
 
 
 def _sample(course: Course, seed: int, index: int, spread: Spread) -> Rollout:

@@ -24,6 +24,7 @@ from drapeplan.contact import (
     front_tolerance,
     lid_of,
     ply_over_mold,
+    under_lid,
 )
 from drapeplan.faults import ANCHORED, TOLD, Fault, Ring, Samples, window_faults
 from drapeplan.front import CORNERS
@@ -112,11 +113,11 @@ class StepWindow:
         t = whole.t[lines[0]] - self.rows.start * pitch
         s = whole.s[lines[1]] - self.columns.start * pitch
         object.__setattr__(self, "cups", cups)
-        own_lid = (
+        own_lid = self.lid and tuple(
             np.clip(found[tuple(lines)] - line.start, 0, line.stop - line.start - 1)
             for found, line in zip(self.lid, lines, strict=True)
         )
-        object.__setattr__(self, "_own_lid", tuple(own_lid))
+        object.__setattr__(self, "_own_lid", own_lid)
         object.__setattr__(self, "lines", tuple(lines))
         object.__setattr__(self, "_sampling", PlySampling(small, s, t))
 
@@ -165,7 +166,7 @@ class StepWindow:
         np.minimum(h, HIGH, out=h)
         h[..., self.grid.beside[self.lines]] = HIGH
         h -= self.final_gap[self.lines]
-        h = h[..., *self._own_lid]
+        h = under_lid(h, self._own_lid)
         h[..., laid] = 0.0
         return h
 
