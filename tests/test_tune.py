@@ -218,6 +218,7 @@ def test_risk_counts_before_a_limit_missed_by_a_little():
     missed = judged(safe, missed=[1.3])
     assert judged(safe).loss < missed.loss < judged(risky).loss
     assert missed.loss < judged(safe, missed=[1.6]).loss
+    assert judged(safe).loss < judged(safe, missed=[1.0]).loss  # missed by a hair
     named = {"scene": judged([-0.5] * 4), "mean": missed, "luckiest": judged(safe)}
     ranked = [Finalist(name, one) for name, one in named.items()]
     assert choose(ranked).name == "luckiest"  # at like risk a good plan wins
